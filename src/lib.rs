@@ -1,0 +1,13 @@
+//! Depth of field as a real lens would have taken it.
+
+pub mod aperture;
+pub mod cancel;
+pub mod color;
+pub mod cpu;
+pub mod depth;
+pub mod error;
+pub mod optics;
+pub mod picture;
+mod python;
+pub mod render;
+pub mod views;
