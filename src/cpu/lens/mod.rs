@@ -5,6 +5,7 @@
 
 mod disc;
 mod fill;
+mod footprint;
 mod pack;
 mod sheets;
 mod simd;
@@ -75,11 +76,13 @@ pub fn render(
     let s_focus = optics.k * optics.d_focus;
     let mut out = vec![0.0f32; size.pixels() * size.channels];
     cancel.check()?;
-    let packed = pack::pack(sheets, s_focus);
+    let count_views = |radius_px: f64| {
+        settings.views.unwrap_or_else(|| views::count_for(radius_px / settings.supersample as f64))
+    };
+    let area = settings.aperture.relative_area();
+    let packed = pack::pack(sheets, s_focus, |t| views::spacing_px(t, area, count_views(t)));
     cancel.check()?;
-    let tiles = tiles::plan(&packed, s_focus, |reach_px| {
-        settings.views.unwrap_or_else(|| views::count_for(reach_px / settings.supersample as f64))
-    });
+    let tiles = tiles::plan(&packed, s_focus, count_views);
     let view_sets: BTreeMap<usize, Vec<views::View>> = tiles
         .iter()
         .filter_map(|tile| match tile.work {

@@ -1,9 +1,11 @@
 //! Sheets laid out for the sweep: quantised in depth, sharpened, with a mirrored margin as wide as the largest
 //! circle of confusion, so that no ray ever leaves the arrays.
 
+use super::footprint::Footprint;
 use super::sheets::{Sheet, Sheets};
 use super::surfaces::{CONNECTED_PX, DOWN, EDGE, RIGHT};
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// Columns and rows of the tiles that the frame is swept in.
 pub const TILE: (usize, usize) = (64, 32);
@@ -71,8 +73,9 @@ impl Codes {
         Codes { s_min, step: ((s_max - s_min) / f64::from(Codes::MAX - 1)).max(1e-9) }
     }
 
-    pub fn encode(&self, s: f64) -> u16 {
-        ((s - self.s_min) / self.step).round().clamp(0.0, f64::from(Codes::MAX - 1)) as u16 + 1
+    pub fn encode(&self, s: f32) -> u16 {
+        // Single precision is enough: 24 bits for 16. The cast rounds down and saturates.
+        ((s - self.s_min as f32) * (1.0 / self.step) as f32 + 0.5).min(f32::from(Codes::MAX - 1)) as u16 + 1
     }
 
     /// The shift that a code, or a place between codes, stands for.
@@ -123,17 +126,6 @@ pub struct Blocks {
     pub smooth: Vec<Option<u16>>,
 }
 
-/// Strength of the Laplacian that undoes the blur of shifting by fractions of a pixel.
-///
-/// Drawing a pixel at a fraction `f` between two places adds a variance `f (1 - f)` along each axis. Over the lens
-/// points of a disc of radius `t` its mean is `4 t / (3 pi) - t^2 / 4` up to one pixel and about 1/6 beyond; half
-/// of it times the Laplacian is what the blur has added.
-fn sharpening(t: f32) -> f32 {
-    let t = t.abs();
-    let beyond = 1.0 / 12.0;
-    if t >= 1.0 { beyond } else { (0.5 * (t * 4.0 / (3.0 * std::f32::consts::PI) - 0.25 * t * t)).min(beyond) }
-}
-
 /// A cell's place in the sheets: sheet and pixel.
 #[derive(Clone, Copy)]
 struct Cell {
@@ -173,77 +165,117 @@ fn neighbours(sheets: &Sheets, cell: Cell) -> impl Iterator<Item = Cell> + '_ {
 
 /// One row of a sheet, ready to be laid out.
 struct Row {
-    lo: Vec<u16>,
-    hi: Vec<u16>,
+    lo: Vec<f32>,
+    hi: Vec<f32>,
     color: Vec<Vec<f32>>,
 }
 
-fn pack_row(sheets: &Sheets, sheet: usize, y: usize, codes: &Codes, s_focus: f64) -> Row {
-    let size = sheets.size;
-    let own = &sheets.sheets[sheet];
-    let mut row = Row {
-        lo: vec![u16::MAX; size.width],
-        hi: vec![0; size.width],
-        color: vec![vec![0.0; size.width]; size.channels],
-    };
-    for x in 0..size.width {
-        let index = y * size.width + x;
-        let s = own.s[index];
-        if s.is_nan() {
-            continue;
-        }
-        let (mut lo, mut hi) = (s, s);
-        let kappa = sharpening((f64::from(s) - s_focus) as f32);
-        let mut laplacian = [0.0f32; 4];
-        for q in neighbours(sheets, Cell { sheet, index }) {
-            let other = &sheets.sheets[q.sheet];
-            // A surface stays closed when every cell reaches half-way to its neighbours.
-            let half_way = 0.5 * (s + other.s[q.index]);
-            lo = lo.min(half_way);
-            hi = hi.max(half_way);
-            for c in 0..size.channels {
-                laplacian[c] += other.color[c * size.pixels() + q.index] - own.color[c * size.pixels() + index];
-            }
-        }
-        row.lo[x] = codes.encode(f64::from(lo));
-        row.hi[x] = codes.encode(f64::from(hi));
-        for c in 0..size.channels {
-            row.color[c][x] = own.color[c * size.pixels() + index] - kappa * laplacian[c];
-        }
-    }
-    row
+/// What laying out a sheet needs to know.
+struct Layout<'a> {
+    sheets: &'a Sheets,
+    /// Colours of each sheet, widened where lens points are sparse.
+    color: &'a [Cow<'a, [f32]>],
+    footprint: &'a Footprint,
+    codes: Codes,
+    padding: Padding,
+    s_focus: f64,
 }
 
-/// Lays a sheet out with its mirrored margin.
-fn pack_sheet(sheets: &Sheets, sheet: usize, padding: &Padding, codes: &Codes, s_focus: f64) -> PackedSheet {
-    let cells = padding.stride * padding.rows;
-    let channels = sheets.size.channels;
-    let mut packed = PackedSheet {
-        lo: vec![0; cells],
-        hi: vec![0; cells],
-        color: vec![vec![0.0; cells]; channels],
-        partial: partial_planes(&sheets.sheets[sheet], padding),
-    };
-    let columns: Vec<usize> = (0..padding.stride).map(|px| padding.column(px).0).collect();
+impl Layout<'_> {
+    /// Place, extent and sharpened colour of a row of cells; `lo` is NaN where there is none.
+    fn row(&self, sheet: usize, y: usize) -> Row {
+        let size = self.sheets.size;
+        let (w, n) = (size.width, size.pixels());
+        let own = &self.sheets.sheets[sheet];
+        let start = y * w;
+        let at = |y: usize| &own.s[y * w..][..w];
+        let (above, s, below) = (at(y.saturating_sub(1)), at(y), at((y + 1).min(size.height - 1)));
+        let kappa: Vec<f32> =
+            s.iter().map(|&s| self.footprint.sharpening((f64::from(s) - self.s_focus) as f32)).collect();
 
-    let mut planes: Vec<_> = packed.color.iter_mut().map(|plane| plane.chunks_mut(padding.stride)).collect();
-    let mut rows: Vec<_> = (packed.lo.chunks_mut(padding.stride))
-        .zip(packed.hi.chunks_mut(padding.stride))
-        .map(|(lo, hi)| (lo, hi, planes.iter_mut().filter_map(Iterator::next).collect::<Vec<_>>()))
-        .collect();
-    rows.par_iter_mut().enumerate().for_each(|(py, (lo, hi, color))| {
-        let row = pack_row(sheets, sheet, padding.row(py).0, codes, s_focus);
-        for (px, &x) in columns.iter().enumerate() {
-            lo[px] = row.lo[x];
-            hi[px] = row.hi[x];
-        }
-        for (plane, source) in color.iter_mut().zip(&row.color) {
-            for (out, &x) in plane.iter_mut().zip(&columns) {
-                *out = source[x];
+        // Cells whose four neighbours are in their own sheet and close by, as nearly all are, row by row.
+        let mut plain = vec![false; w];
+        let (mut lo, mut hi) = (s.to_vec(), s.to_vec());
+        if y > 0 && y + 1 < size.height {
+            for x in 1..w.saturating_sub(1) {
+                let around = [s[x - 1], s[x + 1], above[x], below[x]];
+                plain[x] = around.iter().fold(true, |all, q| all & ((q - s[x]).abs() < CONNECTED_PX));
+                let min = around.iter().fold(s[x], |m, &q| if q < m { q } else { m });
+                let max = around.iter().fold(s[x], |m, &q| if q > m { q } else { m });
+                // A surface stays closed when every cell reaches half-way to its neighbours.
+                lo[x] = 0.5 * (s[x] + min);
+                hi[x] = 0.5 * (s[x] + max);
             }
         }
-    });
-    packed
+        let mut color: Vec<Vec<f32>> = Vec::with_capacity(size.channels);
+        for c in 0..size.channels {
+            let plane = &self.color[sheet][c * n..][..n];
+            let at = |y: usize| &plane[y * w..][..w];
+            let (above, row, below) = (at(y.saturating_sub(1)), at(y), at((y + 1).min(size.height - 1)));
+            let mut out = row.to_vec();
+            for x in 1..w.saturating_sub(1) {
+                let laplacian = row[x - 1] + row[x + 1] + above[x] + below[x] - 4.0 * row[x];
+                out[x] = row[x] - kappa[x] * laplacian;
+            }
+            color.push(out);
+        }
+
+        for x in (0..w).filter(|&x| !plain[x] && !s[x].is_nan()) {
+            let index = start + x;
+            (lo[x], hi[x]) = (s[x], s[x]);
+            let mut laplacian = [0.0f32; 4];
+            for q in neighbours(self.sheets, Cell { sheet, index }) {
+                let half_way = 0.5 * (s[x] + self.sheets.sheets[q.sheet].s[q.index]);
+                lo[x] = lo[x].min(half_way);
+                hi[x] = hi[x].max(half_way);
+                for c in 0..size.channels {
+                    laplacian[c] += self.color[q.sheet][c * n + q.index] - self.color[sheet][c * n + index];
+                }
+            }
+            for c in 0..size.channels {
+                color[c][x] = self.color[sheet][c * n + index] - kappa[x] * laplacian[c];
+            }
+        }
+        Row { lo, hi, color }
+    }
+
+    /// Lays a sheet out with its mirrored margin.
+    fn sheet(&self, sheet: usize) -> PackedSheet {
+        let padding = &self.padding;
+        let cells = padding.stride * padding.rows;
+        let mut packed = PackedSheet {
+            lo: vec![0; cells],
+            hi: vec![0; cells],
+            color: vec![vec![0.0; cells]; self.sheets.size.channels],
+            partial: partial_planes(&self.sheets.sheets[sheet], padding),
+        };
+        let columns: Vec<usize> = (0..padding.stride).map(|px| padding.column(px).0).collect();
+        let inside = padding.pad..padding.pad + padding.width;
+
+        let mut planes: Vec<_> = packed.color.iter_mut().map(|plane| plane.chunks_mut(padding.stride)).collect();
+        let mut rows: Vec<_> = (packed.lo.chunks_mut(padding.stride))
+            .zip(packed.hi.chunks_mut(padding.stride))
+            .map(|(lo, hi)| (lo, hi, planes.iter_mut().filter_map(Iterator::next).collect::<Vec<_>>()))
+            .collect();
+        rows.par_iter_mut().enumerate().for_each(|(py, (lo, hi, color))| {
+            let row = self.row(sheet, padding.row(py).0);
+            for (out, &s) in lo[inside.clone()].iter_mut().zip(&row.lo) {
+                *out = if s.is_nan() { u16::MAX } else { self.codes.encode(s) };
+            }
+            for (out, &s) in hi[inside.clone()].iter_mut().zip(&row.hi) {
+                *out = if s.is_nan() { 0 } else { self.codes.encode(s) };
+            }
+            for (plane, source) in color.iter_mut().zip(&row.color) {
+                plane[inside.clone()].copy_from_slice(source);
+            }
+            for px in (0..inside.start).chain(inside.end..padding.stride) {
+                let from = columns[px] + padding.pad;
+                (lo[px], hi[px]) = (lo[from], hi[from]);
+                color.iter_mut().for_each(|plane| plane[px] = plane[from]);
+            }
+        });
+        packed
+    }
 }
 
 fn partial_planes(sheet: &Sheet, padding: &Padding) -> Option<PartialPlanes> {
@@ -331,14 +363,19 @@ pub fn shift_range(sheets: &Sheets) -> (f64, f64) {
     if min <= max { (f64::from(min), f64::from(max)) } else { (0.0, 0.0) }
 }
 
-/// Lays all sheets out for a lens focused at shift `s_focus`.
-pub fn pack(sheets: &Sheets, s_focus: f64) -> Packed {
+/// Lays all sheets out for a lens focused at shift `s_focus`, whose points draw a cell under shift `t` at places
+/// `spacing(t)` pixels apart.
+pub fn pack(sheets: &Sheets, s_focus: f64, spacing: impl Fn(f64) -> f64) -> Packed {
     let (s_min, s_max) = shift_range(sheets);
     let reach = (s_min - s_focus).abs().max((s_max - s_focus).abs());
     let padding = Padding::new(sheets.size.width, sheets.size.height, reach);
     let codes = Codes::new(s_min, s_max);
-    let packed: Vec<PackedSheet> =
-        (0..sheets.sheets.len()).map(|sheet| pack_sheet(sheets, sheet, &padding, &codes, s_focus)).collect();
+    let footprint = Footprint::new(reach, spacing);
+    let widened = |sheet: &'_ Sheet| footprint.widen(sheet, sheets.size, s_focus);
+    let color: Vec<Cow<[f32]>> =
+        sheets.sheets.iter().map(|s| widened(s).map_or(Cow::Borrowed(s.color.as_slice()), Cow::Owned)).collect();
+    let layout = Layout { sheets, color: &color, footprint: &footprint, codes, padding, s_focus };
+    let packed: Vec<PackedSheet> = (0..sheets.sheets.len()).map(|sheet| layout.sheet(sheet)).collect();
     let blocks = blocks(sheets, &packed, &padding);
     Packed { padding, codes, sheets: packed, blocks }
 }
@@ -357,8 +394,8 @@ mod tests {
     #[test]
     fn codes_keep_depth_to_a_thousandth_of_a_pixel() {
         let codes = Codes::new(-3.0, 57.0);
-        for s in [-3.0, 0.0, 12.3456, 57.0] {
-            assert!((codes.decode(f64::from(codes.encode(s))) - s).abs() < 1e-3);
+        for s in [-3.0f32, 0.0, 12.3456, 57.0] {
+            assert!((codes.decode(f64::from(codes.encode(s))) - f64::from(s)).abs() < 1e-3);
         }
     }
 }

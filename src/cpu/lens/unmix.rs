@@ -275,6 +275,6 @@ mod tests {
             assert!((m.coverage - expected).abs() < 2e-3, "column {}: {}", m.index % w, m.coverage);
             assert!((m.front[0] - 2.0).abs() < 5e-3 && (m.back[0] - 1.0).abs() < 5e-3);
         }
-        assert_eq!(mixed.len(), 4 * h);
+        assert_eq!(mixed.len(), 2 * h);
     }
 }
