@@ -8,6 +8,7 @@ use super::sheets::Sheet;
 use super::surfaces::CONNECTED_PX;
 use crate::picture::Size;
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// Standard deviation of a cell's footprint as a fraction of the distance between the places it is drawn at.
 const FOOTPRINT: f32 = 0.5;
@@ -56,10 +57,10 @@ impl Footprint {
         (-0.5 * self.variance(t)).max(0.0)
     }
 
-    /// The colours of a sheet, widened where lens points are sparse; `None` where they nowhere are.
-    pub fn widen(&self, sheet: &Sheet, size: Size, s_focus: f64) -> Option<Vec<f32>> {
+    /// Widens the colours of a sheet where lens points are sparse.
+    pub fn widen(&self, sheet: &Sheet, color: &mut Cow<[f32]>, size: Size, s_focus: f64) {
         if self.table.iter().all(|v| *v <= 0.0) {
-            return None;
+            return;
         }
         let n = size.pixels();
         let shift = |s: f32| (f64::from(s) - s_focus) as f32;
@@ -67,7 +68,6 @@ impl Footprint {
             sheet.s.par_iter().map(|&s| if s.is_nan() { 0.0 } else { self.variance(shift(s)).max(0.0) }).collect();
         let most = wanted.par_iter().copied().reduce(|| 0.0, f32::max);
 
-        let mut color = sheet.color.clone();
         let mut done = 0.0f32;
         for reach in REACHES {
             if most <= done {
@@ -75,6 +75,7 @@ impl Footprint {
             }
             // Weights w of neighbours at distance h add the variance 2 w h^2.
             let per_weight = 2.0 * (reach * reach) as f32;
+            let color = color.to_mut();
             let source = color.clone();
             let pass = Pass { s: &sheet.s, wanted: &wanted, done, per_weight, reach, size };
             color.par_chunks_mut(size.width).enumerate().for_each_init(
@@ -86,7 +87,6 @@ impl Footprint {
             );
             done += MAX_WEIGHT * per_weight;
         }
-        Some(color)
     }
 }
 

@@ -97,6 +97,13 @@ pub struct PartialPlanes {
     pub cut: Vec<f32>,
 }
 
+impl PartialPlanes {
+    /// Whether a ray that passes cell `i` at `at`, from its centre, meets what the cell covers.
+    pub fn covers(&self, i: usize, at: [f32; 2]) -> bool {
+        self.bits[i / 8] >> (i % 8) & 1 == 0 || self.normal_x[i] * at[0] + self.normal_y[i] * at[1] <= self.cut[i]
+    }
+}
+
 /// One sheet, padded. A cell is the column of depths from `lo` to `hi`, in codes; an empty one has `lo > hi`.
 pub struct PackedSheet {
     pub lo: Vec<u16>,
@@ -110,6 +117,8 @@ pub struct PackedSheet {
 pub struct Packed {
     pub padding: Padding,
     pub codes: Codes,
+    /// The largest shift, in front of the focus plane or behind.
+    pub reach_px: f64,
     pub sheets: Vec<PackedSheet>,
     pub blocks: Blocks,
 }
@@ -163,119 +172,112 @@ fn neighbours(sheets: &Sheets, cell: Cell) -> impl Iterator<Item = Cell> + '_ {
     })
 }
 
-/// One row of a sheet, ready to be laid out.
-struct Row {
-    lo: Vec<f32>,
-    hi: Vec<f32>,
-    color: Vec<Vec<f32>>,
+/// Which cells of a row have all four neighbours in their own sheet and close by, as nearly all have.
+fn plain_cells(sheets: &Sheets, sheet: usize, y: usize) -> Vec<bool> {
+    let (w, h) = (sheets.size.width, sheets.size.height);
+    let at = |y: usize| &sheets.sheets[sheet].s[y * w..][..w];
+    let mut plain = vec![false; w];
+    if y > 0 && y + 1 < h {
+        let (above, s, below) = (at(y - 1), at(y), at(y + 1));
+        for x in 1..w.saturating_sub(1) {
+            let around = [s[x - 1], s[x + 1], above[x], below[x]];
+            plain[x] = around.iter().fold(true, |all, q| all & ((q - s[x]).abs() < CONNECTED_PX));
+        }
+    }
+    plain
 }
 
-/// What laying out a sheet needs to know.
-struct Layout<'a> {
-    sheets: &'a Sheets,
-    /// Colours of each sheet, widened where lens points are sparse.
-    color: &'a [Cow<'a, [f32]>],
-    footprint: &'a Footprint,
-    codes: Codes,
-    padding: Padding,
+/// The depths that each cell of a row spans, in codes: a surface stays closed when every cell reaches half-way to
+/// its neighbours.
+fn extents(sheets: &Sheets, sheet: usize, y: usize, codes: &Codes, lo: &mut [u16], hi: &mut [u16]) {
+    let w = sheets.size.width;
+    let at = |y: usize| &sheets.sheets[sheet].s[y * w..][..w];
+    let s = at(y);
+    let (above, below) = (at(y.saturating_sub(1)), at((y + 1).min(sheets.size.height - 1)));
+    let plain = plain_cells(sheets, sheet, y);
+    for x in 1..w.saturating_sub(1) {
+        let around = [s[x - 1], s[x + 1], above[x], below[x]];
+        let min = around.iter().fold(s[x], |m, &q| if q < m { q } else { m });
+        let max = around.iter().fold(s[x], |m, &q| if q > m { q } else { m });
+        lo[x] = codes.encode(0.5 * (s[x] + min));
+        hi[x] = codes.encode(0.5 * (s[x] + max));
+    }
+    for x in (0..w).filter(|&x| !plain[x]) {
+        if s[x].is_nan() {
+            (lo[x], hi[x]) = (u16::MAX, 0);
+            continue;
+        }
+        let (mut nearest, mut farthest) = (s[x], s[x]);
+        for q in neighbours(sheets, Cell { sheet, index: y * w + x }) {
+            let half_way = 0.5 * (s[x] + sheets.sheets[q.sheet].s[q.index]);
+            farthest = farthest.min(half_way);
+            nearest = nearest.max(half_way);
+        }
+        (lo[x], hi[x]) = (codes.encode(farthest), codes.encode(nearest));
+    }
+}
+
+/// Copies what lies inside the frame to its mirror images on both sides.
+fn mirror_row<T: Copy>(padding: &Padding, row: &mut [T]) {
+    for px in (0..padding.pad).chain(padding.pad + padding.width..padding.stride) {
+        row[px] = row[padding.column(px).0 + padding.pad];
+    }
+}
+
+/// Lays out the depths of a sheet.
+fn depths(sheets: &Sheets, sheet: usize, padding: &Padding, codes: &Codes) -> PackedSheet {
+    let cells = padding.stride * padding.rows;
+    let (mut lo, mut hi) = (vec![0u16; cells], vec![0u16; cells]);
+    let inside = padding.pad..padding.pad + padding.width;
+    let rows = lo.par_chunks_mut(padding.stride).zip(hi.par_chunks_mut(padding.stride));
+    rows.enumerate().for_each(|(py, (lo, hi))| {
+        let y = padding.row(py).0;
+        extents(sheets, sheet, y, codes, &mut lo[inside.clone()], &mut hi[inside.clone()]);
+        mirror_row(padding, lo);
+        mirror_row(padding, hi);
+    });
+    PackedSheet { lo, hi, color: Vec::new(), partial: partial_planes(&sheets.sheets[sheet], padding) }
+}
+
+/// Lays out one channel of a sheet, sharpened against the blur of its own drawing.
+fn channel(
+    sheets: &Sheets,
+    sheet: usize,
+    c: usize,
+    color: &[Cow<[f32]>],
+    footprint: &Footprint,
     s_focus: f64,
-}
-
-impl Layout<'_> {
-    /// Place, extent and sharpened colour of a row of cells; `lo` is NaN where there is none.
-    fn row(&self, sheet: usize, y: usize) -> Row {
-        let size = self.sheets.size;
-        let (w, n) = (size.width, size.pixels());
-        let own = &self.sheets.sheets[sheet];
-        let start = y * w;
-        let at = |y: usize| &own.s[y * w..][..w];
-        let (above, s, below) = (at(y.saturating_sub(1)), at(y), at((y + 1).min(size.height - 1)));
-        let kappa: Vec<f32> =
-            s.iter().map(|&s| self.footprint.sharpening((f64::from(s) - self.s_focus) as f32)).collect();
-
-        // Cells whose four neighbours are in their own sheet and close by, as nearly all are, row by row.
-        let mut plain = vec![false; w];
-        let (mut lo, mut hi) = (s.to_vec(), s.to_vec());
-        if y > 0 && y + 1 < size.height {
-            for x in 1..w.saturating_sub(1) {
-                let around = [s[x - 1], s[x + 1], above[x], below[x]];
-                plain[x] = around.iter().fold(true, |all, q| all & ((q - s[x]).abs() < CONNECTED_PX));
-                let min = around.iter().fold(s[x], |m, &q| if q < m { q } else { m });
-                let max = around.iter().fold(s[x], |m, &q| if q > m { q } else { m });
-                // A surface stays closed when every cell reaches half-way to its neighbours.
-                lo[x] = 0.5 * (s[x] + min);
-                hi[x] = 0.5 * (s[x] + max);
+    padding: &Padding,
+) -> Vec<f32> {
+    let size = sheets.size;
+    let (w, n) = (size.width, size.pixels());
+    let plane_of = |sheet: usize| &color[sheet][c * n..][..n];
+    let own = plane_of(sheet);
+    let s = &sheets.sheets[sheet].s;
+    let mut plane = vec![0.0f32; padding.stride * padding.rows];
+    plane.par_chunks_mut(padding.stride).enumerate().for_each(|(py, out)| {
+        let y = padding.row(py).0;
+        let at = |y: usize| &own[y * w..][..w];
+        let (above, row, below) = (at(y.saturating_sub(1)), at(y), at((y + 1).min(size.height - 1)));
+        let kappa = |x: usize| footprint.sharpening((f64::from(s[y * w + x]) - s_focus) as f32);
+        let plain = plain_cells(sheets, sheet, y);
+        let inside = &mut out[padding.pad..padding.pad + w];
+        for x in 1..w.saturating_sub(1) {
+            let laplacian = row[x - 1] + row[x + 1] + above[x] + below[x] - 4.0 * row[x];
+            inside[x] = row[x] - kappa(x) * laplacian;
+        }
+        for x in (0..w).filter(|&x| !plain[x]) {
+            inside[x] = row[x];
+            let index = y * w + x;
+            if !s[index].is_nan() {
+                let around = neighbours(sheets, Cell { sheet, index });
+                let laplacian: f32 = around.map(|q| plane_of(q.sheet)[q.index] - row[x]).sum();
+                inside[x] -= kappa(x) * laplacian;
             }
         }
-        let mut color: Vec<Vec<f32>> = Vec::with_capacity(size.channels);
-        for c in 0..size.channels {
-            let plane = &self.color[sheet][c * n..][..n];
-            let at = |y: usize| &plane[y * w..][..w];
-            let (above, row, below) = (at(y.saturating_sub(1)), at(y), at((y + 1).min(size.height - 1)));
-            let mut out = row.to_vec();
-            for x in 1..w.saturating_sub(1) {
-                let laplacian = row[x - 1] + row[x + 1] + above[x] + below[x] - 4.0 * row[x];
-                out[x] = row[x] - kappa[x] * laplacian;
-            }
-            color.push(out);
-        }
-
-        for x in (0..w).filter(|&x| !plain[x] && !s[x].is_nan()) {
-            let index = start + x;
-            (lo[x], hi[x]) = (s[x], s[x]);
-            let mut laplacian = [0.0f32; 4];
-            for q in neighbours(self.sheets, Cell { sheet, index }) {
-                let half_way = 0.5 * (s[x] + self.sheets.sheets[q.sheet].s[q.index]);
-                lo[x] = lo[x].min(half_way);
-                hi[x] = hi[x].max(half_way);
-                for c in 0..size.channels {
-                    laplacian[c] += self.color[q.sheet][c * n + q.index] - self.color[sheet][c * n + index];
-                }
-            }
-            for c in 0..size.channels {
-                color[c][x] = self.color[sheet][c * n + index] - kappa[x] * laplacian[c];
-            }
-        }
-        Row { lo, hi, color }
-    }
-
-    /// Lays a sheet out with its mirrored margin.
-    fn sheet(&self, sheet: usize) -> PackedSheet {
-        let padding = &self.padding;
-        let cells = padding.stride * padding.rows;
-        let mut packed = PackedSheet {
-            lo: vec![0; cells],
-            hi: vec![0; cells],
-            color: vec![vec![0.0; cells]; self.sheets.size.channels],
-            partial: partial_planes(&self.sheets.sheets[sheet], padding),
-        };
-        let columns: Vec<usize> = (0..padding.stride).map(|px| padding.column(px).0).collect();
-        let inside = padding.pad..padding.pad + padding.width;
-
-        let mut planes: Vec<_> = packed.color.iter_mut().map(|plane| plane.chunks_mut(padding.stride)).collect();
-        let mut rows: Vec<_> = (packed.lo.chunks_mut(padding.stride))
-            .zip(packed.hi.chunks_mut(padding.stride))
-            .map(|(lo, hi)| (lo, hi, planes.iter_mut().filter_map(Iterator::next).collect::<Vec<_>>()))
-            .collect();
-        rows.par_iter_mut().enumerate().for_each(|(py, (lo, hi, color))| {
-            let row = self.row(sheet, padding.row(py).0);
-            for (out, &s) in lo[inside.clone()].iter_mut().zip(&row.lo) {
-                *out = if s.is_nan() { u16::MAX } else { self.codes.encode(s) };
-            }
-            for (out, &s) in hi[inside.clone()].iter_mut().zip(&row.hi) {
-                *out = if s.is_nan() { 0 } else { self.codes.encode(s) };
-            }
-            for (plane, source) in color.iter_mut().zip(&row.color) {
-                plane[inside.clone()].copy_from_slice(source);
-            }
-            for px in (0..inside.start).chain(inside.end..padding.stride) {
-                let from = columns[px] + padding.pad;
-                (lo[px], hi[px]) = (lo[from], hi[from]);
-                color.iter_mut().for_each(|plane| plane[px] = plane[from]);
-            }
-        });
-        packed
-    }
+        mirror_row(padding, out);
+    });
+    plane
 }
 
 fn partial_planes(sheet: &Sheet, padding: &Padding) -> Option<PartialPlanes> {
@@ -363,21 +365,28 @@ pub fn shift_range(sheets: &Sheets) -> (f64, f64) {
     if min <= max { (f64::from(min), f64::from(max)) } else { (0.0, 0.0) }
 }
 
-/// Lays all sheets out for a lens focused at shift `s_focus`, whose points draw a cell under shift `t` at places
-/// `spacing(t)` pixels apart.
-pub fn pack(sheets: &Sheets, s_focus: f64, spacing: impl Fn(f64) -> f64) -> Packed {
-    let (s_min, s_max) = shift_range(sheets);
-    let reach = (s_min - s_focus).abs().max((s_max - s_focus).abs());
-    let padding = Padding::new(sheets.size.width, sheets.size.height, reach);
-    let codes = Codes::new(s_min, s_max);
-    let footprint = Footprint::new(reach, spacing);
-    let widened = |sheet: &'_ Sheet| footprint.widen(sheet, sheets.size, s_focus);
-    let color: Vec<Cow<[f32]>> =
-        sheets.sheets.iter().map(|s| widened(s).map_or(Cow::Borrowed(s.color.as_slice()), Cow::Owned)).collect();
-    let layout = Layout { sheets, color: &color, footprint: &footprint, codes, padding, s_focus };
-    let packed: Vec<PackedSheet> = (0..sheets.sheets.len()).map(|sheet| layout.sheet(sheet)).collect();
-    let blocks = blocks(sheets, &packed, &padding);
-    Packed { padding, codes, sheets: packed, blocks }
+impl Packed {
+    /// Lays out the depths of all sheets for a lens focused at shift `s_focus`; colours come with
+    /// [`Packed::set_colors`].
+    pub fn new(sheets: &Sheets, s_focus: f64) -> Packed {
+        let (s_min, s_max) = shift_range(sheets);
+        let reach = (s_min - s_focus).abs().max((s_max - s_focus).abs());
+        let padding = Padding::new(sheets.size.width, sheets.size.height, reach);
+        let codes = Codes::new(s_min, s_max);
+        let packed: Vec<PackedSheet> =
+            (0..sheets.sheets.len()).map(|sheet| depths(sheets, sheet, &padding, &codes)).collect();
+        let blocks = blocks(sheets, &packed, &padding);
+        Packed { padding, codes, reach_px: reach, sheets: packed, blocks }
+    }
+
+    /// Lays out the colours of all sheets, widened or sharpened to their footprint.
+    pub fn set_colors(&mut self, sheets: &Sheets, color: &[Cow<[f32]>], footprint: &Footprint, s_focus: f64) {
+        for (sheet, packed) in self.sheets.iter_mut().enumerate() {
+            packed.color = (0..sheets.size.channels)
+                .map(|c| channel(sheets, sheet, c, color, footprint, s_focus, &self.padding))
+                .collect();
+        }
+    }
 }
 
 #[cfg(test)]
