@@ -1,0 +1,1 @@
+"""Depth of field as a real lens would have taken it."""

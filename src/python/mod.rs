@@ -1,0 +1,3 @@
+//! The bindings.
+
+pub mod files;
