@@ -34,6 +34,11 @@ pub(super) fn read(source: Source) -> std::result::Result<Raster, Problem> {
         ColorType::Multiband { num_samples: n @ 1..=4, .. } => usize::from(n),
         other => return Err(refuse(format!("{other:?}"))),
     };
+    let bits = color.bit_depth();
+    if !bits.is_multiple_of(8) {
+        // The decoder leaves such samples packed.
+        return Err(refuse(format!("samples of {bits} bits")));
+    }
     let claimed = decoder.image_buffer_layout()?.complete_len;
     check_claim(claimed as u128, length)?;
     // The claim is plausible by now; the decoder's own bound must not be the tighter one.

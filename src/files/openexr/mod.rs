@@ -53,7 +53,8 @@ impl From<::exr::error::Error> for Problem {
             Error::Io(error) => error.into(),
             Error::NotSupported(what) => Self::Unsupported {
                 found: what.into_owned(),
-                accepted: "flat (not deep) OpenEXR, compressed by RLE, ZIP(S), PIZ, PXR24, B44(A), DWAA, DWAB or not",
+                accepted: "flat (not deep) channels with a sample for every pixel, compressed by RLE, ZIP, \
+                           ZIPS, PIZ, PXR24, B44, B44A, DWAA, DWAB or not",
             },
             Error::Invalid(what) => Self::Damaged(what.into_owned()),
             Error::Aborted => Self::Damaged("reading was broken off".into()),

@@ -146,6 +146,12 @@ fn check_dwa(chunk: &Chunk, header: &Header) -> std::result::Result<(), Problem>
         CompressedBlock::Tile(block) => &block.compressed_pixels_le,
         CompressedBlock::DeepScanLine(_) | CompressedBlock::DeepTile(_) => return Ok(()),
     };
+    let tile = header.get_block_data_indices(&chunk.compressed_block)?;
+    let section = Window::from(header.get_absolute_block_pixel_coordinates(tile)?);
+    if bytes.len() as u128 == area(section) * header.channels.bytes_per_pixel as u128 {
+        // A block that coding would not have made shorter is stored as it is.
+        return Ok(());
+    }
     let most = 64 * header.max_block_byte_size() as u64 + 4096;
     match bytes.as_chunks().0.iter().take(NUMBERS).find(|number| u64::from_le_bytes(**number) > most) {
         Some(_) => Err(Problem::Damaged("a DWA block claims more than its pixels need".into())),
@@ -177,13 +183,6 @@ struct Layout {
 impl Layout {
     fn new(header: &Header, names: &[String]) -> std::result::Result<Self, Problem> {
         let list = &header.channels.list;
-        if let Some(channel) = list.iter().find(|channel| channel.sampling != Vec2(1, 1)) {
-            let Vec2(x, y) = channel.sampling;
-            return Err(Problem::Unsupported {
-                found: format!("channel {} with one sample for {x} x {y} pixels", text(&channel.name)),
-                accepted: "channels with a sample for every pixel",
-            });
-        }
         let wanted = names
             .iter()
             .map(|name| {
