@@ -1,14 +1,14 @@
 //! Depth of field as a real lens would have taken it.
 
+pub mod aperture;
+pub mod cancel;
+pub mod color;
+pub mod cpu;
+pub mod depth;
+pub mod error;
 pub mod files;
+pub mod optics;
+pub mod picture;
 mod python;
-
-/// The extension module behind the Python package.
-#[pyo3::pymodule]
-mod _dofsim {
-    #[pymodule_export]
-    use crate::python::files::{
-        ExrPart, exr_parts, file_kind, read_exr, read_raster, write_bytes, write_exr, write_pfm, write_png,
-        write_tiff,
-    };
-}
+pub mod render;
+pub mod views;

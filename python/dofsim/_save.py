@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _arrays, _dofsim
+from ._alpha import premultiply, unpremultiply
 from ._arrays import StrPath
 from ._exr import Compression
-from ._transfer import decode, encode, premultiply, unpremultiply
 
 Alpha = Literal["none", "straight", "premultiplied"]
 SampleType = Literal["half", "float", "uint8", "uint16"]
@@ -231,20 +231,18 @@ def _converted(
     if array.dtype == target and transfer == file_transfer and alpha == file_alpha:
         return np.ascontiguousarray(array, target)
 
-    from_integer = array.dtype.kind == "u"
-    values = decode(array, srgb=transfer == "srgb") if from_integer else array.astype(np.float32)
-    if alpha != "none" and from_integer:
-        # Alpha is a share of the area, not light.
-        values[..., -1] = decode(array[..., -1], srgb=False)
+    has_alpha = alpha != "none"
+    if array.dtype.kind == "u":
+        codes = np.ascontiguousarray(array)
+        values = _dofsim.decode_codes(codes, srgb=transfer == "srgb", alpha=has_alpha)
+    else:
+        values = np.ascontiguousarray(array, np.float32)
     if alpha == "straight" and file_alpha == "premultiplied":
         values = premultiply(values)
     elif alpha == "premultiplied" and file_alpha == "straight":
         values = unpremultiply(values)
-    if issubclass(target, np.integer):
-        codes = encode(values, target, srgb=True)
-        if alpha != "none":
-            codes[..., -1] = encode(values[..., -1], target, srgb=False)
-        return codes
+    if to_integer:
+        return _dofsim.encode_codes(values, sixteen=target is np.uint16, alpha=has_alpha)
     if target is np.float16 and np.abs(values, where=np.isfinite(values), out=np.zeros_like(values)).max() > (
         np.finfo(np.float16).max
     ):

@@ -22,10 +22,10 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from . import _arrays, _channels, _dofsim
+from ._alpha import premultiply
 from ._arrays import StrPath
 from ._exr import channels_of, list_channels, read_exr, read_part, write_exr
 from ._save import Alpha, Transfer, write_depth, write_image
-from ._transfer import decode, premultiply
 
 __all__ = [
     "RGBD",
@@ -75,10 +75,9 @@ class Image:
             The shape of ``pixels``.
         """
         if np.issubdtype(self.pixels.dtype, np.integer):
-            values = decode(self.pixels, srgb=self.transfer == "srgb")
-            if self.alpha != "none" and self.transfer == "srgb":
-                # Alpha is a share of the area, not light.
-                values[..., -1] = decode(self.pixels[..., -1], srgb=False)
+            values = _dofsim.decode_codes(
+                np.ascontiguousarray(self.pixels), srgb=self.transfer == "srgb", alpha=self.alpha != "none"
+            )
         else:
             values = self.pixels.astype(np.float32)
         return premultiply(values) if self.alpha == "straight" else values

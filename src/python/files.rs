@@ -1,18 +1,12 @@
 //! Bindings of [`crate::files`], for `dofsim.io` alone: paths and contiguous arrays in, arrays out.
 
+use crate::color::{Sample, Transfer};
 use crate::files::{self, Alpha, FileError, Pixels, Problem, Samples, Shape, openexr};
 use half::f16;
 use numpy::{Element, PyArray1, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyOSError, PyTypeError, PyValueError};
-use pyo3::inspect::PyStaticExpr;
 use pyo3::prelude::*;
-use pyo3::{type_hint_identifier, type_hint_subscript};
 use std::path::PathBuf;
-
-const NDARRAY: PyStaticExpr = type_hint_subscript!(
-    type_hint_identifier!("numpy.typing", "NDArray"),
-    type_hint_identifier!("typing", "Any")
-);
 
 /// Refusals of the system become `OSError` with its number, so that Python picks the subclass; all else is
 /// about the file or the arguments and becomes `ValueError`.
@@ -37,7 +31,6 @@ impl<'py> IntoPyObject<'py> for Pixmap<'py> {
     type Target = PyUntypedArray;
     type Output = Bound<'py, PyUntypedArray>;
     type Error = std::convert::Infallible;
-    const OUTPUT_TYPE: PyStaticExpr = NDARRAY;
 
     fn into_pyobject(self, _py: Python<'py>) -> Result<Self::Output, Self::Error> {
         Ok(self.0)
@@ -79,7 +72,6 @@ pub enum Contiguous<'py> {
 
 impl<'py> FromPyObject<'_, 'py> for Contiguous<'py> {
     type Error = PyErr;
-    const INPUT_TYPE: PyStaticExpr = NDARRAY;
 
     fn extract(object: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
         let array = object.cast::<PyUntypedArray>()?;
@@ -256,4 +248,77 @@ pub fn write_pfm(py: Python<'_>, path: PathBuf, pixels: Contiguous<'_>) -> PyRes
 #[pyfunction]
 pub fn write_bytes(py: Python<'_>, path: PathBuf, bytes: &[u8]) -> PyResult<()> {
     Ok(py.detach(|| files::atomic::write_bytes(&path, bytes))?)
+}
+
+/// Integers as float32 from 0 to 1, in linear light if `srgb`. The last channel is left linear if it is
+/// `alpha`, which is a share of the area and not light.
+#[pyfunction]
+#[pyo3(signature = (codes, *, srgb, alpha))]
+pub fn decode_codes<'py>(
+    py: Python<'py>,
+    codes: Contiguous<'_>,
+    srgb: bool,
+    alpha: bool,
+) -> PyResult<Pixmap<'py>> {
+    fn decoded<T: Sample>(codes: &[T], transfers: &Transfers) -> Samples {
+        Samples::F32(codes.iter().zip(transfers.each()).map(|(v, t)| t.decode(v.to_code())).collect())
+    }
+    let (pixels, shape) = (codes.pixels()?, codes.shape());
+    let transfers = Transfers::new(shape, srgb, alpha);
+    let samples = py.detach(|| match pixels {
+        Pixels::U8(v) => decoded(v, &transfers),
+        Pixels::U16(v) => decoded(v, &transfers),
+        Pixels::F32(v) => decoded(v, &transfers),
+    });
+    Pixmap::new(py, transfers.raster(samples))
+}
+
+/// Linear light as integers of 8 or 16 bits, by sRGB but for an `alpha` channel at the end. Values outside 0
+/// to 1 are clipped; NaN becomes 0.
+#[pyfunction]
+#[pyo3(signature = (values, *, sixteen, alpha))]
+pub fn encode_codes<'py>(
+    py: Python<'py>,
+    values: Contiguous<'_>,
+    sixteen: bool,
+    alpha: bool,
+) -> PyResult<Pixmap<'py>> {
+    fn encoded<T: Sample>(values: &[f32], transfers: &Transfers) -> Vec<T> {
+        values.iter().zip(transfers.each()).map(|(v, t)| T::from_code(t.encode(v.clamp(0.0, 1.0)))).collect()
+    }
+    let Pixels::F32(pixels) = values.pixels()? else {
+        return Err(PyTypeError::new_err("expected float32"));
+    };
+    let transfers = Transfers::new(values.shape(), true, alpha);
+    let samples = py.detach(|| match sixteen {
+        false => Samples::U8(encoded(pixels, &transfers)),
+        true => Samples::U16(encoded(pixels, &transfers)),
+    });
+    Pixmap::new(py, transfers.raster(samples))
+}
+
+/// The transfer function of every channel of a pixel.
+struct Transfers {
+    shape: Shape,
+    channels: Vec<Transfer>,
+}
+
+impl Transfers {
+    fn new(shape: Shape, srgb: bool, alpha: bool) -> Self {
+        let mut channels = vec![if srgb { Transfer::Srgb } else { Transfer::Linear }; shape.channels];
+        if let (true, Some(last)) = (alpha, channels.last_mut()) {
+            *last = Transfer::Linear;
+        }
+        Self { shape, channels }
+    }
+
+    /// The functions of all samples of a picture, in their order.
+    fn each(&self) -> impl Iterator<Item = Transfer> {
+        self.channels.iter().copied().cycle()
+    }
+
+    fn raster(&self, samples: Samples) -> files::Raster {
+        let Shape { width, height, channels } = self.shape;
+        files::Raster { width, height, channels, alpha: Alpha::None, samples }
+    }
 }

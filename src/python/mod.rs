@@ -1,3 +1,38 @@
-//! The bindings.
+//! The Python module: arguments are read and checked here, once, and become the core's types.
 
-pub mod files;
+mod aperture;
+mod arrays;
+mod errors;
+mod files;
+mod lens;
+mod render;
+mod run;
+
+use pyo3::prelude::*;
+
+/// Compiled core of dofsim; use it through the `dofsim` package.
+#[pymodule]
+pub mod _dofsim {
+    use pyo3::prelude::*;
+
+    #[pymodule_export]
+    use super::aperture::PyAperture;
+    #[pymodule_export]
+    use super::errors::DeviceError;
+    #[pymodule_export]
+    use super::files::{
+        ExrPart, decode_codes, encode_codes, exr_parts, file_kind, read_exr, read_raster, write_bytes,
+        write_exr, write_pfm, write_png, write_tiff,
+    };
+    #[pymodule_export]
+    use super::lens::PyLens;
+    #[pymodule_export]
+    use super::render::{PyScene, coc, render};
+    #[pymodule_export]
+    use super::run::simd_available;
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+}

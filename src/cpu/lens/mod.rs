@@ -1,0 +1,159 @@
+//! The flagship: an integral over the lens with visibility for every lens point.
+//!
+//! [`sheets`] takes the picture apart into cells (what is in front, what is behind, what is hidden), [`pack`] lays
+//! them out for one focus, [`tiles`] plans, and each tile is a copy, an exact [`disc`], or a [`sweep`].
+
+mod disc;
+mod fill;
+mod pack;
+mod sheets;
+mod simd;
+mod surfaces;
+mod sweep;
+mod tiles;
+mod unmix;
+
+pub use sheets::Sheets;
+pub use sweep::Simd;
+
+use crate::aperture::Aperture;
+use crate::cancel::Cancel;
+use crate::error::{Result, value_error};
+use crate::optics::Optics;
+use crate::picture::Picture;
+use crate::views;
+use pack::TILE;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use sweep::{Missed, Segments, TileColor};
+use tiles::Work;
+
+/// The largest circle of confusion that is rendered.
+pub const MAX_RADIUS_PX: f64 = 2048.0;
+
+/// The choices that a caller has.
+#[derive(Debug, Clone, Copy)]
+pub struct Settings {
+    /// The opening.
+    pub aperture: Aperture,
+    /// Number of views everywhere, or chosen for each tile.
+    pub views: Option<usize>,
+    /// Pixels of the picture that one pixel of the output averages, along each axis.
+    pub supersample: usize,
+    /// Instruction set.
+    pub simd: Simd,
+}
+
+/// Refuses lenses whose circles of confusion are beyond reason.
+pub fn check_radius(picture: &Picture, optics: &Optics) -> Result<()> {
+    let disparities = || picture.layers.par_iter().flat_map(|l| l.disparity.par_iter());
+    let radius = disparities().map(|&d| optics.shift_px(f64::from(d)).abs()).reduce(|| 0.0, f64::max);
+    if radius.is_nan() || radius > MAX_RADIUS_PX {
+        return Err(value_error!(
+            "lens: the largest circle of confusion would have a radius of {radius:.0} px; at most \
+             {MAX_RADIUS_PX} px are rendered. Use a smaller aperture, or look for depths that are too near"
+        ));
+    }
+    Ok(())
+}
+
+/// Takes a picture apart for lenses of this strength; see [`Sheets`].
+pub fn prepare(picture: &Picture, optics: &Optics) -> Result<Sheets> {
+    check_radius(picture, optics)?;
+    Ok(sheets::build(picture, optics.k))
+}
+
+/// The picture through a lens focused at `s_focus`, interleaved.
+pub fn render(
+    picture: &Picture,
+    sheets: &Sheets,
+    optics: &Optics,
+    settings: &Settings,
+    cancel: &Cancel,
+) -> Result<Vec<f32>> {
+    let size = picture.size;
+    let s_focus = optics.k * optics.d_focus;
+    let mut out = vec![0.0f32; size.pixels() * size.channels];
+    cancel.check()?;
+    let packed = pack::pack(sheets, s_focus);
+    cancel.check()?;
+    let tiles = tiles::plan(&packed, s_focus, |reach_px| {
+        settings.views.unwrap_or_else(|| views::count_for(reach_px / settings.supersample as f64))
+    });
+    let view_sets: BTreeMap<usize, Vec<views::View>> = tiles
+        .iter()
+        .filter_map(|tile| match tile.work {
+            Work::Sweep { views, .. } => Some(views),
+            _ => None,
+        })
+        .collect::<std::collections::BTreeSet<_>>()
+        .into_iter()
+        .map(|n| (n, views::views(&settings.aperture, n)))
+        .collect();
+    let missed = if sheets.opaque { Missed::Unknown } else { Missed::Nothing };
+
+    let mut slots = tile_slots(&mut out, size.width, size.channels);
+    slots.par_iter_mut().zip(&tiles).try_for_each_init(
+        || (Segments::default(), TileColor::new(size.channels)),
+        |(segments, color), (rows, tile)| {
+            cancel.check()?;
+            match &tile.work {
+                Work::Copy => copy(picture, tile.origin, color),
+                Work::Disc => {
+                    let front = &sheets.sheets[0];
+                    disc::gather(size, &front.color, &front.s, s_focus, &settings.aperture, tile.origin, color);
+                }
+                Work::Sweep { views, occupied } => {
+                    segments.trace(&packed, s_focus, &view_sets[views], occupied);
+                    sweep::sweep(settings.simd, &packed, segments, tile.origin, missed, color);
+                }
+            }
+            for (y, row) in rows.iter_mut().enumerate() {
+                for (x, pixel) in row.chunks_mut(size.channels).enumerate() {
+                    for (out, plane) in pixel.iter_mut().zip(&color.planes) {
+                        *out = plane[y * TILE.0 + x];
+                    }
+                }
+            }
+            Ok(())
+        },
+    )?;
+    drop(slots);
+    Ok(out)
+}
+
+/// The rows of each tile in an interleaved frame, tiles in scan order.
+fn tile_slots(out: &mut [f32], width: usize, channels: usize) -> Vec<Vec<&mut [f32]>> {
+    let mut slots = Vec::new();
+    for band in out.chunks_mut(width * channels * TILE.1) {
+        let first = slots.len();
+        slots.resize_with(first + width.div_ceil(TILE.0), Vec::new);
+        for row in band.chunks_mut(width * channels) {
+            for (i, piece) in row.chunks_mut(TILE.0 * channels).enumerate() {
+                slots[first + i].push(piece);
+            }
+        }
+    }
+    slots
+}
+
+/// The tile as the pinhole saw it: layers over one another.
+fn copy(picture: &Picture, origin: (usize, usize), out: &mut TileColor) {
+    let (size, n) = (picture.size, picture.size.pixels());
+    for y in 0..TILE.1.min(size.height - origin.1) {
+        for x in 0..TILE.0.min(size.width - origin.0) {
+            let i = (origin.1 + y) * size.width + origin.0 + x;
+            let mut left = 1.0;
+            let mut color = [0.0f32; 4];
+            for layer in &picture.layers {
+                for c in 0..size.channels {
+                    color[c] += left * layer.color[c * n + i];
+                }
+                left *= if picture.layers.len() > 1 { 1.0 - layer.color[(size.channels - 1) * n + i] } else { 0.0 };
+            }
+            for (plane, c) in out.planes.iter_mut().zip(color) {
+                plane[y * TILE.0 + x] = c;
+            }
+        }
+    }
+}

@@ -1,0 +1,364 @@
+//! Sheets laid out for the sweep: quantised in depth, sharpened, with a mirrored margin as wide as the largest
+//! circle of confusion, so that no ray ever leaves the arrays.
+
+use super::sheets::{Sheet, Sheets};
+use super::surfaces::{CONNECTED_PX, DOWN, EDGE, RIGHT};
+use rayon::prelude::*;
+
+/// Columns and rows of the tiles that the frame is swept in.
+pub const TILE: (usize, usize) = (64, 32);
+/// Side of the blocks whose depths are summed up for planning.
+pub const BLOCK: usize = 16;
+
+/// The padded frame.
+#[derive(Debug, Clone, Copy)]
+pub struct Padding {
+    pub width: usize,
+    pub height: usize,
+    /// Mirrored pixels on every side, a multiple of [`BLOCK`].
+    pub pad: usize,
+    /// Cells from one padded row to the next.
+    pub stride: usize,
+    /// Padded rows.
+    pub rows: usize,
+}
+
+impl Padding {
+    pub fn new(width: usize, height: usize, reach_px: f64) -> Padding {
+        let pad = (reach_px.ceil() as usize + 2).next_multiple_of(BLOCK);
+        Padding {
+            width,
+            height,
+            pad,
+            stride: width.next_multiple_of(TILE.0) + 2 * pad,
+            rows: height.next_multiple_of(TILE.1) + 2 * pad,
+        }
+    }
+
+    /// Index of pixel `(x, y)` of the frame in the padded arrays.
+    pub fn index(&self, x: usize, y: usize) -> usize {
+        (y + self.pad) * self.stride + x + self.pad
+    }
+
+    /// The frame column that padded column `px` mirrors, and whether it is a mirror image.
+    fn column(&self, px: usize) -> (usize, bool) {
+        mirrored(px as i64 - self.pad as i64, self.width)
+    }
+
+    /// The frame row that padded row `py` mirrors, and whether it is a mirror image.
+    fn row(&self, py: usize) -> (usize, bool) {
+        mirrored(py as i64 - self.pad as i64, self.height)
+    }
+}
+
+/// Half-sample symmetric extension, however far out: `.. 1 0 | 0 1 2 .. n-1 | n-1 n-2 ..`.
+fn mirrored(i: i64, n: usize) -> (usize, bool) {
+    let i = i.rem_euclid(2 * n as i64) as usize;
+    if i < n { (i, false) } else { (2 * n - 1 - i, true) }
+}
+
+/// Shifts as 16-bit codes: `s = s_min + (code - 1) * step`. Code 0 is never a depth.
+#[derive(Debug, Clone, Copy)]
+pub struct Codes {
+    s_min: f64,
+    step: f64,
+}
+
+impl Codes {
+    pub const MAX: u16 = u16::MAX - 1;
+
+    fn new(s_min: f64, s_max: f64) -> Codes {
+        Codes { s_min, step: ((s_max - s_min) / f64::from(Codes::MAX - 1)).max(1e-9) }
+    }
+
+    pub fn encode(&self, s: f64) -> u16 {
+        ((s - self.s_min) / self.step).round().clamp(0.0, f64::from(Codes::MAX - 1)) as u16 + 1
+    }
+
+    /// The shift that a code, or a place between codes, stands for.
+    pub fn decode(&self, code: f64) -> f64 {
+        self.s_min + (code - 1.0) * self.step
+    }
+
+    pub fn step(&self) -> f64 {
+        self.step
+    }
+}
+
+/// Half-planes of the cells that cover their pixel in part, as padded planes.
+pub struct PartialPlanes {
+    /// One bit a cell, rows of `stride / 8` bytes.
+    pub bits: Vec<u8>,
+    pub normal_x: Vec<f32>,
+    pub normal_y: Vec<f32>,
+    pub cut: Vec<f32>,
+}
+
+/// One sheet, padded. A cell is the column of depths from `lo` to `hi`, in codes; an empty one has `lo > hi`.
+pub struct PackedSheet {
+    pub lo: Vec<u16>,
+    pub hi: Vec<u16>,
+    /// Colour planes.
+    pub color: Vec<Vec<f32>>,
+    pub partial: Option<PartialPlanes>,
+}
+
+/// Everything the sweep reads.
+pub struct Packed {
+    pub padding: Padding,
+    pub codes: Codes,
+    pub sheets: Vec<PackedSheet>,
+    pub blocks: Blocks,
+}
+
+/// What the cells of each block of [`BLOCK`] x [`BLOCK`] padded pixels are, for planning.
+pub struct Blocks {
+    /// Blocks in a row.
+    pub across: usize,
+    /// For each block, then each sheet: the depths that occur, one bit for each high byte of their codes.
+    pub occupied: Vec<[u64; 4]>,
+    /// For each block: least and greatest code over all sheets.
+    pub range: Vec<(u16, u16)>,
+    /// For each block: the steepest cell, in codes, where all is one closed surface in the first sheet.
+    pub smooth: Vec<Option<u16>>,
+}
+
+/// Strength of the Laplacian that undoes the blur of shifting by fractions of a pixel.
+///
+/// Drawing a pixel at a fraction `f` between two places adds a variance `f (1 - f)` along each axis. Over the lens
+/// points of a disc of radius `t` its mean is `4 t / (3 pi) - t^2 / 4` up to one pixel and about 1/6 beyond; half
+/// of it times the Laplacian is what the blur has added.
+fn sharpening(t: f32) -> f32 {
+    let t = t.abs();
+    let beyond = 1.0 / 12.0;
+    if t >= 1.0 { beyond } else { (0.5 * (t * 4.0 / (3.0 * std::f32::consts::PI) - 0.25 * t * t)).min(beyond) }
+}
+
+/// A cell's place in the sheets: sheet and pixel.
+#[derive(Clone, Copy)]
+struct Cell {
+    sheet: usize,
+    index: usize,
+}
+
+/// The cells that continue the surface of `cell` at the four neighbours.
+fn neighbours(sheets: &Sheets, cell: Cell) -> impl Iterator<Item = Cell> + '_ {
+    let (width, height) = (sheets.size.width, sheets.size.height);
+    let (x, y, p) = (cell.index % width, cell.index / width, cell.index);
+    let own = &sheets.sheets[cell.sheet];
+    let s = own.s[p];
+    // The pixel that owns the link to the neighbour, and its bit.
+    let sides = [
+        (x > 0).then(|| (p - 1, p - 1, RIGHT)),
+        (x + 1 < width).then(|| (p + 1, p, RIGHT)),
+        (y > 0).then(|| (p - width, p - width, DOWN)),
+        (y + 1 < height).then(|| (p + width, p, DOWN)),
+    ];
+    sides.into_iter().flatten().filter_map(move |(q, owner, bit)| {
+        let near = |sheet: &Sheet| (sheet.s[q] - s).abs() < CONNECTED_PX;
+        let linked = || {
+            // Links speak of plain pixels, and only those away from edges are sure to be plain.
+            !own.links.is_empty()
+                && own.links[owner] & bit != 0
+                && (own.links[p] | own.links[q]) & EDGE == 0
+                && !own.s[q].is_nan()
+        };
+        if near(own) || linked() {
+            return Some(Cell { sheet: cell.sheet, index: q });
+        }
+        let others = sheets.sheets.iter().enumerate().filter(|(i, _)| *i != cell.sheet);
+        others.filter(|(_, sheet)| near(sheet)).map(|(i, _)| Cell { sheet: i, index: q }).next()
+    })
+}
+
+/// One row of a sheet, ready to be laid out.
+struct Row {
+    lo: Vec<u16>,
+    hi: Vec<u16>,
+    color: Vec<Vec<f32>>,
+}
+
+fn pack_row(sheets: &Sheets, sheet: usize, y: usize, codes: &Codes, s_focus: f64) -> Row {
+    let size = sheets.size;
+    let own = &sheets.sheets[sheet];
+    let mut row = Row {
+        lo: vec![u16::MAX; size.width],
+        hi: vec![0; size.width],
+        color: vec![vec![0.0; size.width]; size.channels],
+    };
+    for x in 0..size.width {
+        let index = y * size.width + x;
+        let s = own.s[index];
+        if s.is_nan() {
+            continue;
+        }
+        let (mut lo, mut hi) = (s, s);
+        let kappa = sharpening((f64::from(s) - s_focus) as f32);
+        let mut laplacian = [0.0f32; 4];
+        for q in neighbours(sheets, Cell { sheet, index }) {
+            let other = &sheets.sheets[q.sheet];
+            // A surface stays closed when every cell reaches half-way to its neighbours.
+            let half_way = 0.5 * (s + other.s[q.index]);
+            lo = lo.min(half_way);
+            hi = hi.max(half_way);
+            for c in 0..size.channels {
+                laplacian[c] += other.color[c * size.pixels() + q.index] - own.color[c * size.pixels() + index];
+            }
+        }
+        row.lo[x] = codes.encode(f64::from(lo));
+        row.hi[x] = codes.encode(f64::from(hi));
+        for c in 0..size.channels {
+            row.color[c][x] = own.color[c * size.pixels() + index] - kappa * laplacian[c];
+        }
+    }
+    row
+}
+
+/// Lays a sheet out with its mirrored margin.
+fn pack_sheet(sheets: &Sheets, sheet: usize, padding: &Padding, codes: &Codes, s_focus: f64) -> PackedSheet {
+    let cells = padding.stride * padding.rows;
+    let channels = sheets.size.channels;
+    let mut packed = PackedSheet {
+        lo: vec![0; cells],
+        hi: vec![0; cells],
+        color: vec![vec![0.0; cells]; channels],
+        partial: partial_planes(&sheets.sheets[sheet], padding),
+    };
+    let columns: Vec<usize> = (0..padding.stride).map(|px| padding.column(px).0).collect();
+
+    let mut planes: Vec<_> = packed.color.iter_mut().map(|plane| plane.chunks_mut(padding.stride)).collect();
+    let mut rows: Vec<_> = (packed.lo.chunks_mut(padding.stride))
+        .zip(packed.hi.chunks_mut(padding.stride))
+        .map(|(lo, hi)| (lo, hi, planes.iter_mut().filter_map(Iterator::next).collect::<Vec<_>>()))
+        .collect();
+    rows.par_iter_mut().enumerate().for_each(|(py, (lo, hi, color))| {
+        let row = pack_row(sheets, sheet, padding.row(py).0, codes, s_focus);
+        for (px, &x) in columns.iter().enumerate() {
+            lo[px] = row.lo[x];
+            hi[px] = row.hi[x];
+        }
+        for (plane, source) in color.iter_mut().zip(&row.color) {
+            for (out, &x) in plane.iter_mut().zip(&columns) {
+                *out = source[x];
+            }
+        }
+    });
+    packed
+}
+
+fn partial_planes(sheet: &Sheet, padding: &Padding) -> Option<PartialPlanes> {
+    if sheet.partial.is_empty() {
+        return None;
+    }
+    let cells = padding.stride * padding.rows;
+    let mut planes = PartialPlanes {
+        // The sweep reads eight bytes at a time.
+        bits: vec![0; cells / 8 + 8],
+        normal_x: vec![0.0; cells],
+        normal_y: vec![0.0; cells],
+        cut: vec![0.0; cells],
+    };
+    for py in 0..padding.rows {
+        let (y, flip_y) = padding.row(py);
+        let row_start = y * padding.width;
+        let first = sheet.partial.partition_point(|p| p.0 < row_start);
+        let last = sheet.partial.partition_point(|p| p.0 < row_start + padding.width);
+        if first == last {
+            continue;
+        }
+        let mut in_row = vec![None; padding.width];
+        for (index, plane) in &sheet.partial[first..last] {
+            in_row[index - row_start] = Some(*plane);
+        }
+        for px in 0..padding.stride {
+            let (x, flip_x) = padding.column(px);
+            let Some(plane) = in_row[x] else { continue };
+            let i = py * padding.stride + px;
+            planes.bits[i / 8] |= 1 << (i % 8);
+            planes.normal_x[i] = if flip_x { -plane.normal[0] } else { plane.normal[0] };
+            planes.normal_y[i] = if flip_y { -plane.normal[1] } else { plane.normal[1] };
+            planes.cut[i] = plane.cut;
+        }
+    }
+    Some(planes)
+}
+
+fn blocks(sheets: &Sheets, packed: &[PackedSheet], padding: &Padding) -> Blocks {
+    let (across, down) = (padding.stride / BLOCK, padding.rows / BLOCK);
+    let links = &sheets.sheets[0].links;
+    let block = |b: usize| {
+        let (x0, y0) = (b % across * BLOCK, b / across * BLOCK);
+        let mut occupied = vec![[0u64; 4]; packed.len()];
+        let (mut range, mut steepest, mut smooth) = ((u16::MAX, 0u16), 0u16, true);
+        for py in y0..y0 + BLOCK {
+            let y = padding.row(py).0;
+            for px in x0..x0 + BLOCK {
+                let i = py * padding.stride + px;
+                for (k, sheet) in packed.iter().enumerate() {
+                    let (lo, hi) = (sheet.lo[i], sheet.hi[i]);
+                    if lo > hi {
+                        smooth &= k > 0;
+                        continue;
+                    }
+                    smooth &= k == 0;
+                    range = (range.0.min(lo), range.1.max(hi));
+                    for bin in lo >> 8..=hi >> 8 {
+                        occupied[k][usize::from(bin >> 6)] |= 1 << (bin & 63);
+                    }
+                    steepest = steepest.max(hi - lo);
+                }
+                smooth &= !links.is_empty() && links[y * padding.width + padding.column(px).0] & EDGE == 0;
+            }
+        }
+        (occupied, range, smooth.then_some(steepest))
+    };
+    let all: Vec<_> = (0..across * down).into_par_iter().map(block).collect();
+    Blocks {
+        across,
+        occupied: all.iter().flat_map(|b| b.0.iter().copied()).collect(),
+        range: all.iter().map(|b| b.1).collect(),
+        smooth: all.iter().map(|b| b.2).collect(),
+    }
+}
+
+/// Least and greatest shift of all cells.
+pub fn shift_range(sheets: &Sheets) -> (f64, f64) {
+    let all = sheets.sheets.par_iter().flat_map(|sheet| sheet.s.par_iter()).filter(|s| !s.is_nan());
+    let (min, max) = all.map(|&s| (s, s)).reduce(
+        || (f32::INFINITY, f32::NEG_INFINITY),
+        |a, b| (a.0.min(b.0), a.1.max(b.1)),
+    );
+    if min <= max { (f64::from(min), f64::from(max)) } else { (0.0, 0.0) }
+}
+
+/// Lays all sheets out for a lens focused at shift `s_focus`.
+pub fn pack(sheets: &Sheets, s_focus: f64) -> Packed {
+    let (s_min, s_max) = shift_range(sheets);
+    let reach = (s_min - s_focus).abs().max((s_max - s_focus).abs());
+    let padding = Padding::new(sheets.size.width, sheets.size.height, reach);
+    let codes = Codes::new(s_min, s_max);
+    let packed: Vec<PackedSheet> =
+        (0..sheets.sheets.len()).map(|sheet| pack_sheet(sheets, sheet, &padding, &codes, s_focus)).collect();
+    let blocks = blocks(sheets, &packed, &padding);
+    Packed { padding, codes, sheets: packed, blocks }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mirrors_repeat_the_edge_pixel() {
+        let at = |i| mirrored(i, 3).0;
+        assert_eq!((-7..10).map(at).collect::<Vec<_>>(), [0, 0, 1, 2, 2, 1, 0, 0, 1, 2, 2, 1, 0, 0, 1, 2, 2]);
+        assert_eq!((-2..2).map(|i| mirrored(i, 1).0).collect::<Vec<_>>(), [0; 4]);
+    }
+
+    #[test]
+    fn codes_keep_depth_to_a_thousandth_of_a_pixel() {
+        let codes = Codes::new(-3.0, 57.0);
+        for s in [-3.0, 0.0, 12.3456, 57.0] {
+            assert!((codes.decode(f64::from(codes.encode(s))) - s).abs() < 1e-3);
+        }
+    }
+}

@@ -1,0 +1,362 @@
+//! The sweep: for every view, the nearest cell that each pixel's ray meets.
+//!
+//! While the shift of a view stays within one pixel, all rays of a tile meet the cells at one and the same
+//! offset. So a ray's way into the scene is a list of segments, near to far, each "look at the cells at this
+//! offset, take those whose depth lies in this interval": contiguous loads, no z-buffer, no gather.
+
+use super::pack::{Codes, Packed, TILE};
+use super::simd::{HalfPlaneRow, LANES, Lanes, Portable, Ray};
+use crate::views::View;
+
+/// Rows of a tile swept together.
+const ROWS: usize = 2;
+
+/// A stretch of depth over which a view's rays stay at one offset.
+#[derive(Debug, Clone, Copy)]
+struct Segment {
+    /// From an output pixel to the cell, in padded cells.
+    offset: i32,
+    /// Codes `from .. to`.
+    from: u16,
+    to: u16,
+    sheet: u32,
+}
+
+/// The segments of all views over one tile.
+#[derive(Default)]
+pub struct Segments {
+    segments: Vec<Segment>,
+    rays: Vec<Ray>,
+    /// End of each view's segments.
+    ends: Vec<u32>,
+}
+
+/// Runs of set bits in the union of all sheets' occupied depths, farthest first.
+fn runs(occupied: &[[u64; 4]]) -> Vec<(usize, usize)> {
+    let mut runs: Vec<(usize, usize)> = Vec::new();
+    for bin in 0..256 {
+        if occupied.iter().any(|bits| bits[bin / 64] >> (bin % 64) & 1 != 0) {
+            match runs.last_mut() {
+                Some(run) if run.1 == bin => run.1 = bin + 1,
+                _ => runs.push((bin, bin + 1)),
+            }
+        }
+    }
+    runs
+}
+
+/// Whether any of the bins `from ..= to` is set.
+fn any_bin(bits: &[u64; 4], from: usize, to: usize) -> bool {
+    (from / 64..=to / 64).any(|word| {
+        let first = from.saturating_sub(word * 64).min(63);
+        let last = (to - word * 64).min(63);
+        bits[word] & (u64::MAX << first) & (u64::MAX >> (63 - last)) != 0
+    })
+}
+
+impl Segments {
+    /// Follows every view through the depths that occur, near to far.
+    pub fn trace(&mut self, packed: &Packed, s_focus: f64, views: &[View], occupied: &[[u64; 4]]) {
+        self.segments.clear();
+        self.rays.clear();
+        self.ends.clear();
+        let runs = runs(occupied);
+        for view in views {
+            for &(first_bin, end_bin) in runs.iter().rev() {
+                self.trace_run(packed, s_focus, view, occupied, first_bin, end_bin);
+            }
+            self.ends.push(self.segments.len() as u32);
+        }
+    }
+
+    /// The segments of one view between two depths.
+    fn trace_run(
+        &mut self,
+        packed: &Packed,
+        s_focus: f64,
+        view: &View,
+        occupied: &[[u64; 4]],
+        first_bin: usize,
+        end_bin: usize,
+    ) {
+        let codes: &Codes = &packed.codes;
+        // The ray's place as a function of the code: start + lens t, with t linear in the code.
+        let t_at_0 = codes.decode(0.0) - s_focus;
+        let slope = view.lens.map(|l| l * codes.step());
+        let base = [0, 1].map(|i| view.start[i] + view.lens[i] * t_at_0);
+        let (near, far) = ((end_bin * 256).min(usize::from(u16::MAX)), (first_bin * 256).max(1));
+
+        let mut cell = [0, 1].map(|i| (base[i] + slope[i] * near as f64).round());
+        let mut to = near;
+        while to > far {
+            // The code at which the ray, going farther, leaves this column or row of cells.
+            let leave = |i: usize| {
+                if slope[i] == 0.0 {
+                    f64::NEG_INFINITY
+                } else {
+                    (cell[i] - 0.5 * slope[i].signum() - base[i]) / slope[i]
+                }
+            };
+            let (leave_x, leave_y) = (leave(0), leave(1));
+            let leaves = leave_x.max(leave_y);
+            let from = if leaves <= far as f64 { far } else { (leaves.round() as usize).clamp(far, to) };
+            if from < to {
+                let offset = cell[1] as i32 * packed.padding.stride as i32 + cell[0] as i32;
+                let ray = Ray {
+                    ax: slope[0] as f32,
+                    bx: (base[0] - cell[0]) as f32,
+                    ay: slope[1] as f32,
+                    by: (base[1] - cell[1]) as f32,
+                };
+                for (sheet, bits) in occupied.iter().enumerate() {
+                    if any_bin(bits, from >> 8, (to - 1) >> 8) {
+                        let (from, to, sheet) = (from as u16, to as u16, sheet as u32);
+                        self.segments.push(Segment { offset, from, to, sheet });
+                        self.rays.push(ray);
+                    }
+                }
+                to = from;
+            }
+            let step = if leave_x >= leave_y { 0 } else { 1 };
+            cell[step] -= slope[step].signum();
+        }
+    }
+}
+
+/// Where the colour of rays that met nothing comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Missed {
+    /// The other rays of the pixel speak for them.
+    Unknown,
+    /// They are transparent.
+    Nothing,
+}
+
+/// A tile's picture: planes of `TILE` pixels.
+pub struct TileColor {
+    pub planes: Vec<Vec<f32>>,
+}
+
+impl TileColor {
+    pub fn new(channels: usize) -> TileColor {
+        TileColor { planes: vec![vec![0.0; TILE.0 * TILE.1]; channels] }
+    }
+}
+
+/// Sweeps `LANES` x `ROWS` pixels whose first is at `base`, adding up every view.
+///
+/// # Safety
+///
+/// The instructions of `L` have been detected, and every segment's cells lie inside the padded arrays.
+#[inline(always)]
+unsafe fn sweep_rows<L: Lanes, const C: usize>(
+    packed: &Packed,
+    segments: &Segments,
+    base: usize,
+    sums: &mut [[[f32; LANES]; C]; ROWS],
+    missed: &mut [[u16; LANES]; ROWS],
+) {
+    let stride = packed.padding.stride;
+    // SAFETY: per the function's contract, here and below.
+    let mut sum = [[unsafe { L::zero() }; C]; ROWS];
+    let mut start = 0;
+    for &end in &segments.ends {
+        let end = end as usize;
+        let mut waiting = [u32::MAX; ROWS];
+        for i in start..end {
+            let segment = &segments.segments[i];
+            let sheet = &packed.sheets[segment.sheet as usize];
+            let first = base.wrapping_add_signed(segment.offset as isize);
+            let mut hits = [0u32; ROWS];
+            for row in 0..ROWS {
+                let at = first + row * stride;
+                hits[row] = waiting[row]
+                    & unsafe {
+                        L::hits(sheet.lo.as_ptr().add(at), sheet.hi.as_ptr().add(at), segment.from, segment.to)
+                    };
+            }
+            if hits.iter().all(|&h| h == 0) {
+                continue;
+            }
+            if let Some(partial) = &sheet.partial {
+                for row in 0..ROWS {
+                    let at = first + row * stride;
+                    let word = unsafe { partial.bits.as_ptr().add(at / 8).cast::<u64>().read_unaligned() };
+                    let doubtful = (u64::from_le(word) >> (at % 8)) as u32 & hits[row];
+                    if doubtful != 0 {
+                        let covered = unsafe {
+                            L::covered(&HalfPlaneRow {
+                                normal_x: partial.normal_x.as_ptr().add(at),
+                                normal_y: partial.normal_y.as_ptr().add(at),
+                                cut: partial.cut.as_ptr().add(at),
+                                code: sheet.lo.as_ptr().add(at),
+                                ray: segments.rays[i],
+                            })
+                        };
+                        hits[row] &= !doubtful | covered;
+                    }
+                }
+            }
+            for row in 0..ROWS {
+                let at = first + row * stride;
+                for c in 0..C {
+                    unsafe { L::add(&mut sum[row][c], sheet.color[c].as_ptr().add(at), hits[row]) };
+                }
+                waiting[row] &= !hits[row];
+            }
+            if waiting.iter().all(|&w| w == 0) {
+                break;
+            }
+        }
+        for row in 0..ROWS {
+            let mut left = waiting[row];
+            while left != 0 {
+                missed[row][left.trailing_zeros() as usize] += 1;
+                left &= left - 1;
+            }
+        }
+        start = end;
+    }
+    for row in 0..ROWS {
+        for c in 0..C {
+            unsafe { L::store(sum[row][c], sums[row][c].as_mut_ptr()) };
+        }
+    }
+}
+
+/// Sweeps a whole tile.
+///
+/// # Safety
+///
+/// As for [`sweep_rows`].
+#[inline(always)]
+unsafe fn sweep_tile<L: Lanes, const C: usize>(
+    packed: &Packed,
+    segments: &Segments,
+    origin: (usize, usize),
+    missed_rule: Missed,
+    out: &mut TileColor,
+) {
+    let views = segments.ends.len() as f32;
+    for y in (0..TILE.1).step_by(ROWS) {
+        for x in (0..TILE.0).step_by(LANES) {
+            let base = packed.padding.index(origin.0 + x, origin.1 + y);
+            let mut sums = [[[0.0; LANES]; C]; ROWS];
+            let mut missed = [[0u16; LANES]; ROWS];
+            // SAFETY: per the function's contract.
+            unsafe { sweep_rows::<L, C>(packed, segments, base, &mut sums, &mut missed) };
+            for row in 0..ROWS {
+                for lane in 0..LANES {
+                    let met = match missed_rule {
+                        Missed::Nothing => views,
+                        Missed::Unknown => views - f32::from(missed[row][lane]),
+                    };
+                    let at = (y + row) * TILE.0 + x + lane;
+                    for c in 0..C {
+                        // Where nothing at all was met, the pixel keeps what it saw itself.
+                        out.planes[c][at] = if met > 0.0 {
+                            sums[row][c][lane] / met
+                        } else {
+                            packed.sheets[0].color[c][base + row * packed.padding.stride + lane]
+                        };
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// One compiled sweep: an instruction set and a number of channels.
+type SweepFn = unsafe fn(&Packed, &Segments, (usize, usize), Missed, &mut TileColor);
+
+macro_rules! faces {
+    ($($name:ident, $lanes:ty, $($feature:literal)?;)*) => {
+        $(
+            /// # Safety
+            ///
+            /// As for [`sweep_tile`].
+            $(#[target_feature(enable = $feature)])?
+            unsafe fn $name<const C: usize>(
+                packed: &Packed,
+                segments: &Segments,
+                origin: (usize, usize),
+                missed: Missed,
+                out: &mut TileColor,
+            ) {
+                // SAFETY: per the function's contract.
+                unsafe { sweep_tile::<$lanes, C>(packed, segments, origin, missed, out) }
+            }
+        )*
+    };
+}
+
+faces! {
+    portable, Portable, ;
+}
+#[cfg(target_arch = "x86_64")]
+faces! {
+    avx2, super::simd::Avx2, "avx2";
+    avx512, super::simd::Avx512, "avx512f,avx512bw";
+}
+
+macro_rules! by_channels {
+    ($name:ident) => {
+        [$name::<1>, $name::<2>, $name::<3>, $name::<4>]
+    };
+}
+
+/// An instruction set to sweep with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Simd {
+    /// What the compiler makes of plain code.
+    Portable,
+    /// 256-bit vectors.
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    /// 512-bit vectors with masks.
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
+}
+
+impl Simd {
+    /// All that this processor can run, best last.
+    pub fn available() -> Vec<Simd> {
+        let mut all = vec![Simd::Portable];
+        #[cfg(target_arch = "x86_64")]
+        {
+            if is_x86_feature_detected!("avx2") {
+                all.push(Simd::Avx2);
+            }
+            if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512bw") {
+                all.push(Simd::Avx512);
+            }
+        }
+        all
+    }
+
+    fn sweep(self, channels: usize) -> SweepFn {
+        let faces: [SweepFn; 4] = match self {
+            Simd::Portable => by_channels!(portable),
+            #[cfg(target_arch = "x86_64")]
+            Simd::Avx2 => by_channels!(avx2),
+            #[cfg(target_arch = "x86_64")]
+            Simd::Avx512 => by_channels!(avx512),
+        };
+        faces[channels - 1]
+    }
+}
+
+/// Sweeps the tile at `origin` over all views of `segments`.
+pub fn sweep(
+    simd: Simd,
+    packed: &Packed,
+    segments: &Segments,
+    origin: (usize, usize),
+    missed: Missed,
+    out: &mut TileColor,
+) {
+    let sweep = simd.sweep(out.planes.len());
+    // SAFETY: `Simd` values come from `available`, which detects the instructions; the padding is at least as wide
+    // as the largest shift plus the half pixel of a ray's start, so that every segment stays inside.
+    unsafe { sweep(packed, segments, origin, missed, out) }
+}

@@ -1,0 +1,109 @@
+//! What each tile of the frame needs: a copy, an exact disc, or the full sweep over the lens.
+
+use super::pack::{BLOCK, Codes, Packed, TILE};
+
+/// A disc up to this radius lies inside its own pixel.
+pub const IN_FOCUS_PX: f64 = 0.5;
+/// Across a single-surface tile's reach the radius may change by this much before its slope counts.
+const SAME_DISC_PX: f64 = 0.5;
+
+/// The work of one tile.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Work {
+    /// Everything that can reach the tile is in focus.
+    Copy,
+    /// One closed surface of nearly constant depth: each pixel is the mean over its own disc.
+    Disc,
+    /// Visibility for every lens point.
+    Sweep {
+        /// How many views.
+        views: usize,
+        /// For each sheet, the depths (high bytes of codes) that a ray of this tile may meet.
+        occupied: Vec<[u64; 4]>,
+    },
+}
+
+/// A tile and its work.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tile {
+    /// Left column and top row in the frame.
+    pub origin: (usize, usize),
+    /// The largest disc that reaches it, in pixels.
+    pub reach_px: f64,
+    /// What to do.
+    pub work: Work,
+}
+
+/// Depths, by high byte, whose discs reach at least `distance` pixels.
+fn reaching(codes: &Codes, s_focus: f64, distance: f64) -> [u64; 4] {
+    let mut bits = [0u64; 4];
+    for bin in 0..256usize {
+        let shift = |code: usize| (codes.decode(code as f64) - s_focus).abs();
+        // One pixel more for the cell's own width and the ray's start inside its pixel.
+        if shift(bin << 8).max(shift((bin << 8) + 256)) + 1.5 >= distance {
+            bits[bin / 64] |= 1 << (bin % 64);
+        }
+    }
+    bits
+}
+
+/// Plans every tile; `count_views` says how many views a largest disc of some radius needs.
+pub fn plan(packed: &Packed, s_focus: f64, count_views: impl Fn(f64) -> usize) -> Vec<Tile> {
+    let (padding, codes, blocks) = (&packed.padding, &packed.codes, &packed.blocks);
+    let shift = |code: u16| codes.decode(f64::from(code)) - s_focus;
+    let block_reach: Vec<f64> = blocks
+        .range
+        .iter()
+        .map(|&(lo, hi)| if lo > hi { 0.0 } else { shift(lo).abs().max(shift(hi).abs()) })
+        .collect();
+    let largest = block_reach.iter().copied().fold(0.0, f64::max);
+    let masks: Vec<[u64; 4]> =
+        (0..=largest as usize + 3).map(|distance| reaching(codes, s_focus, distance as f64)).collect();
+
+    let plan_tile = |origin: (usize, usize)| {
+        let (x0, y0) = (origin.0 + padding.pad, origin.1 + padding.pad);
+        let (x1, y1) = ((x0 + TILE.0), (y0 + TILE.1));
+        let margin = largest as usize + 2;
+        let first = |v: usize| v.saturating_sub(margin) / BLOCK;
+        let across = first(x0)..((x1 + margin).div_ceil(BLOCK)).min(blocks.across);
+        let down = first(y0)..((y1 + margin).div_ceil(BLOCK)).min(padding.rows / BLOCK);
+
+        let mut occupied = vec![[0u64; 4]; packed.sheets.len()];
+        let (mut reach, mut steepest) = (0.0f64, Some(0u16));
+        for by in down {
+            for bx in across.clone() {
+                let b = by * blocks.across + bx;
+                let gap = |lo: usize, hi: usize, b: usize| {
+                    lo.saturating_sub((b + 1) * BLOCK - 1).max((b * BLOCK).saturating_sub(hi - 1)) as f64
+                };
+                let distance = gap(x0, x1, bx).hypot(gap(y0, y1, by));
+                if distance > block_reach[b] + 1.5 {
+                    continue;
+                }
+                let mask = &masks[(distance as usize).min(masks.len() - 1)];
+                for (sheet, occupied) in occupied.iter_mut().enumerate() {
+                    let bits = &blocks.occupied[b * packed.sheets.len() + sheet];
+                    for i in 0..4 {
+                        occupied[i] |= bits[i] & mask[i];
+                    }
+                }
+                reach = reach.max(block_reach[b]);
+                steepest = steepest.zip(blocks.smooth[b]).map(|(a, b)| a.max(b));
+            }
+        }
+        let work = if reach <= IN_FOCUS_PX {
+            Work::Copy
+        } else if steepest.is_some_and(|codes_per_px| {
+            f64::from(codes_per_px) * codes.step() * reach <= SAME_DISC_PX
+        }) {
+            Work::Disc
+        } else {
+            Work::Sweep { views: count_views(reach), occupied }
+        };
+        Tile { origin, reach_px: reach, work }
+    };
+
+    let columns = (0..padding.width).step_by(TILE.0);
+    let rows = (0..padding.height).step_by(TILE.1);
+    rows.flat_map(|y| columns.clone().map(move |x| (x, y))).map(plan_tile).collect()
+}

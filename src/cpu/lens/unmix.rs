@@ -1,0 +1,280 @@
+//! Edge pixels taken apart: the colour of the surface in front, of the one behind, and how much each covers.
+//!
+//! A pixel on a silhouette holds `C = a F + (1 - a) B` but one depth only. Left alone it would be carried by a
+//! single disc; one such pixel on the rim of a bright lamp poisons its whole neighbourhood.
+
+use super::surfaces::{CONNECTED_PX, EDGE};
+use crate::picture::Size;
+use rayon::prelude::*;
+
+/// The longest ring of pixels searched for a pure colour.
+const MAX_RING: i32 = 4;
+/// Coverage closer than this to 0 or 1 is taken for pure.
+const PURE: f32 = 0.01;
+
+/// The frame as the preparation sees it.
+#[derive(Clone, Copy)]
+pub struct Frame<'a> {
+    pub size: Size,
+    /// Linear colour, planar.
+    pub color: &'a [f32],
+    /// Disparity in pixels of circle of confusion.
+    pub s: &'a [f32],
+    /// See [`super::surfaces::links`].
+    pub links: &'a [u8],
+}
+
+impl Frame<'_> {
+    pub fn color_at(&self, i: usize) -> [f32; 4] {
+        let n = self.size.pixels();
+        std::array::from_fn(|c| if c < self.size.channels { self.color[c * n + i] } else { 0.0 })
+    }
+
+    /// Index of the pixel `(dx, dy)` away, if it is in the frame.
+    pub fn offset(&self, x: usize, y: usize, dx: i32, dy: i32) -> Option<usize> {
+        let (x, y) = (x as i32 + dx, y as i32 + dy);
+        let inside = (0..self.size.width as i32).contains(&x) && (0..self.size.height as i32).contains(&y);
+        inside.then(|| y as usize * self.size.width + x as usize)
+    }
+}
+
+/// An edge pixel taken apart.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mixed {
+    pub index: usize,
+    /// Shift, colour and coverage of the surface in front.
+    pub s_front: f32,
+    pub front: [f32; 4],
+    pub coverage: f32,
+    /// Shift and colour of the surface behind.
+    pub s_back: f32,
+    pub back: [f32; 4],
+}
+
+/// Weighted mean and variance (summed over channels) of colours.
+#[derive(Default)]
+struct Pure {
+    weight: f32,
+    sum: [f32; 4],
+    sum_squares: f32,
+}
+
+impl Pure {
+    fn add(&mut self, color: [f32; 4], weight: f32) {
+        self.weight += weight;
+        for (sum, c) in self.sum.iter_mut().zip(color) {
+            *sum += weight * c;
+            self.sum_squares += weight * c * c;
+        }
+    }
+
+    fn mean_and_variance(&self) -> Option<([f32; 4], f32)> {
+        let mean = self.sum.map(|s| s / self.weight);
+        (self.weight > 0.0).then(|| (mean, (self.sum_squares / self.weight - norm2(mean)).max(0.0)))
+    }
+}
+
+fn norm2(v: [f32; 4]) -> f32 {
+    v.iter().map(|c| c * c).sum()
+}
+
+fn sub(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
+    std::array::from_fn(|c| a[c] - b[c])
+}
+
+/// Pure colours of the surface at shift `s_surface` around a pixel: pixels away from every edge, nearest rings
+/// first, weighted by `1 / r^2`.
+fn pure_color(frame: &Frame, x: usize, y: usize, s_surface: f32) -> Option<([f32; 4], f32)> {
+    let mut pure = Pure::default();
+    for ring in 1..=MAX_RING {
+        if ring > 2 && pure.weight > 0.0 {
+            break;
+        }
+        for dy in -ring..=ring {
+            let step = if dy.abs() == ring { 1 } else { 2 * ring };
+            for dx in (-ring..=ring).step_by(step as usize) {
+                let Some(q) = frame.offset(x, y, dx, dy) else { continue };
+                if frame.links[q] & EDGE == 0 && (frame.s[q] - s_surface).abs() < CONNECTED_PX {
+                    pure.add(frame.color_at(q), 1.0 / (dx * dx + dy * dy) as f32);
+                }
+            }
+        }
+    }
+    pure.mean_and_variance()
+}
+
+/// For a structure too thin to have a pure pixel: the colour, among the pixels around whose depth is the
+/// structure's, that differs most from the other surface, which is the one that it covers most.
+fn extreme_color(frame: &Frame, x: usize, y: usize, s_surface: f32, other: [f32; 4]) -> Option<[f32; 4]> {
+    let around = (-2..=2).flat_map(|dy| (-2..=2).map(move |dx| (dx, dy)));
+    around
+        .filter_map(|(dx, dy)| frame.offset(x, y, dx, dy))
+        .filter(|&q| (frame.s[q] - s_surface).abs() < CONNECTED_PX)
+        .map(|q| frame.color_at(q))
+        .map(|color| (norm2(sub(color, other)), color))
+        .reduce(|best, next| if next.0 > best.0 { next } else { best })
+        .map(|(_, color)| color)
+}
+
+/// Takes one edge pixel apart; `None` where nothing pure is known of either surface.
+fn unmix_pixel(frame: &Frame, x: usize, y: usize) -> Option<Mixed> {
+    let index = y * frame.size.width + x;
+    let around = || {
+        let offsets = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy)));
+        offsets.filter_map(|(dx, dy)| frame.offset(x, y, dx, dy).map(|q| (dx, dy, frame.s[q])))
+    };
+    let s_front = around().map(|n| n.2).fold(f32::NEG_INFINITY, f32::max);
+    let s_back = around().map(|n| n.2).fold(f32::INFINITY, f32::min);
+    if s_front - s_back < CONNECTED_PX {
+        return None;
+    }
+
+    let (front, back) = (pure_color(frame, x, y, s_front), pure_color(frame, x, y, s_back));
+    let ((front, front_variance), (back, back_variance)) = match (front, back) {
+        (Some(front), Some(back)) => (front, back),
+        (None, Some(back)) => ((extreme_color(frame, x, y, s_front, back.0)?, 0.0), back),
+        (Some(front), None) => (front, (extreme_color(frame, x, y, s_back, front.0)?, 0.0)),
+        (None, None) => return None,
+    };
+
+    // What depth alone says of the coverage: the [1 2 1]^2 average of "in front".
+    let middle = 0.5 * (s_front + s_back);
+    let (mut in_front, mut all) = (0.0, 0.0);
+    for (dx, dy, s) in around() {
+        let weight = ((2 - dx.abs()) * (2 - dy.abs())) as f32;
+        all += weight;
+        in_front += if s > middle { weight } else { 0.0 };
+    }
+    let prior = in_front / all;
+
+    // Least squares for a in C = a F + (1 - a) B, held to the prior where the colours tell little.
+    let color = frame.color_at(index);
+    let contrast = sub(front, back);
+    let along: f32 = sub(color, back).iter().zip(contrast).map(|(c, d)| c * d).sum();
+    let trust = 3.0 * (front_variance + back_variance) + 1e-4 * (norm2(front) + norm2(back)) + f32::MIN_POSITIVE;
+    let coverage = ((along + trust * prior) / (norm2(contrast) + trust)).clamp(0.0, 1.0);
+    let coverage = if coverage < PURE {
+        0.0
+    } else if coverage > 1.0 - PURE {
+        1.0
+    } else {
+        coverage
+    };
+
+    // What the two colours leave over goes to them in the smallest way that gives C back exactly.
+    let (a, b) = (coverage, 1.0 - coverage);
+    let share = 1.0 / (a * a + b * b);
+    let rest: [f32; 4] = std::array::from_fn(|c| color[c] - a * front[c] - b * back[c]);
+    Some(Mixed {
+        index,
+        s_front,
+        front: std::array::from_fn(|c| front[c] + a * share * rest[c]),
+        coverage,
+        s_back,
+        back: std::array::from_fn(|c| back[c] + b * share * rest[c]),
+    })
+}
+
+/// All edge pixels that could be taken apart, in scan order.
+pub fn unmix(frame: &Frame) -> Vec<Mixed> {
+    let rows = (0..frame.size.height).into_par_iter();
+    rows.flat_map_iter(|y| {
+        let edges = (0..frame.size.width).filter(move |x| frame.links[y * frame.size.width + x] & EDGE != 0);
+        edges.filter_map(move |x| unmix_pixel(frame, x, y))
+    })
+    .collect()
+}
+
+/// A partly covered pixel as a half-plane: `normal . f <= cut` holds for the part of the pixel (`f` from its
+/// centre, within half a pixel) that is covered.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HalfPlane {
+    pub normal: [f32; 2],
+    pub cut: f32,
+}
+
+impl HalfPlane {
+    /// The half-plane of the given unit normal that covers the fraction `area` of the pixel.
+    pub fn with_area(normal: [f32; 2], area: f32) -> HalfPlane {
+        let (p, q) = (normal[0].abs().min(normal[1].abs()), normal[0].abs().max(normal[1].abs()));
+        // How far the line has moved in from the corner: the area grows as a triangle, then as a band.
+        let small = area.min(1.0 - area);
+        let moved = if small <= 0.5 * p / q { (2.0 * p * q * small).sqrt() } else { small * q + 0.5 * p };
+        let cut = moved - 0.5 * (p + q);
+        HalfPlane { normal, cut: if area <= 0.5 { cut } else { -cut } }
+    }
+
+    /// The half-plane of a pixel with this coverage, out of the coverage around it (rows of three, y down).
+    ///
+    /// Where the gradient tells no direction, as in hair, one is drawn from the position: any direction has the
+    /// right area.
+    pub fn from_coverage(around: [[f32; 3]; 3], index: usize) -> HalfPlane {
+        let sobel = |v: [[f32; 3]; 3]| -> f32 {
+            (0..3).map(|i| [1.0, 2.0, 1.0][i] * (v[i][2] - v[i][0])).sum::<f32>()
+        };
+        let transposed = std::array::from_fn(|i| std::array::from_fn(|j| around[j][i]));
+        let gradient = [sobel(around), sobel(transposed)];
+        let length = gradient[0].hypot(gradient[1]);
+        // A straight edge has a gradient of 4 in these units.
+        const WEAK: f32 = 1.0;
+        let normal = if length > WEAK {
+            [-gradient[0] / length, -gradient[1] / length]
+        } else {
+            // Multiplicative hashing: the golden ratio in 32 bits spreads neighbouring indices over the circle.
+            let turn = (index as u32).wrapping_mul(0x9e37_79b9) as f32 / 4_294_967_296.0;
+            let (sin, cos) = (turn * std::f32::consts::TAU).sin_cos();
+            [cos, sin]
+        };
+        HalfPlane::with_area(normal, around[1][1])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn half_planes_cover_the_area_they_are_asked_for() {
+        const STEPS: usize = 400;
+        for turn in 0..12 {
+            let angle = turn as f32 * 0.55;
+            for area in [0.02, 0.11, 0.3, 0.5, 0.77, 0.98] {
+                let plane = HalfPlane::with_area([angle.cos(), angle.sin()], area);
+                let at = |i: usize| (i as f32 + 0.5) / STEPS as f32 - 0.5;
+                let covered = (0..STEPS * STEPS)
+                    .filter(|i| {
+                        plane.normal[0] * at(i % STEPS) + plane.normal[1] * at(i / STEPS) <= plane.cut
+                    })
+                    .count();
+                let covered = covered as f32 / (STEPS * STEPS) as f32;
+                assert!((covered - area).abs() < 4e-3, "{angle} {area}: {covered}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_mixed_column_is_taken_apart() {
+        // Columns 0..5 are a surface of colour 2 in front, 6.. one of colour 1 behind; column 5 is 30 % front.
+        let (w, h) = (12, 7);
+        let size = Size { width: w, height: h, channels: 1 };
+        let color: Vec<f32> = (0..w * h)
+            .map(|i| match i % w {
+                0..5 => 2.0,
+                5 => 1.3,
+                _ => 1.0,
+            })
+            .collect();
+        let s: Vec<f32> = (0..w * h).map(|i| if i % w < 5 { 8.0 } else { 0.0 }).collect();
+        let links = super::super::surfaces::links(&s, w, h);
+        let mixed = unmix(&Frame { size, color: &color, s: &s, links: &links });
+        for m in &mixed {
+            let expected = match m.index % w {
+                5 => 0.3,
+                x => f32::from(x < 5),
+            };
+            assert!((m.coverage - expected).abs() < 2e-3, "column {}: {}", m.index % w, m.coverage);
+            assert!((m.front[0] - 2.0).abs() < 5e-3 && (m.back[0] - 1.0).abs() < 5e-3);
+        }
+        assert_eq!(mixed.len(), 4 * h);
+    }
+}

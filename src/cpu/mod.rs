@@ -1,0 +1,4 @@
+//! The CPU path.
+
+pub mod lens;
+pub mod resolve;

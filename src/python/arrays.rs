@@ -1,0 +1,493 @@
+//! NumPy arrays at the border: checked once, converted to planar `f32`, and back.
+
+use super::errors::choice;
+use crate::color::{Sample, Transfer};
+use crate::depth::{DepthKind, Invalid, disparity_plane};
+use crate::optics::Lens;
+use crate::picture::{Layer, Picture, Size};
+use half::f16;
+use numpy::ndarray::{ArrayViewD, Axis};
+use numpy::{
+    Element, PyArray1, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods,
+    dtype,
+};
+use pyo3::exceptions::{PyIndexError, PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+
+/// Sample types of colour.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SampleType {
+    F16,
+    F32,
+    F64,
+    U8,
+    U16,
+}
+
+/// Runs a generic function for the sample type at hand.
+macro_rules! with_sample_type {
+    ($sample_type:expr, $t:ident => $call:expr) => {
+        match $sample_type {
+            SampleType::F16 => {
+                type $t = f16;
+                $call
+            }
+            SampleType::F32 => {
+                type $t = f32;
+                $call
+            }
+            SampleType::F64 => {
+                type $t = f64;
+                $call
+            }
+            SampleType::U8 => {
+                type $t = u8;
+                $call
+            }
+            SampleType::U16 => {
+                type $t = u16;
+                $call
+            }
+        }
+    };
+}
+
+/// What the fourth channel is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Alpha {
+    /// Coverage that the colours have been multiplied by.
+    Premultiplied,
+    /// Coverage that they have not been multiplied by.
+    Straight,
+    /// A channel like any other.
+    None,
+}
+
+/// How colour comes in and goes out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ColorFormat {
+    pub sample_type: SampleType,
+    pub transfer: Transfer,
+    pub alpha: Alpha,
+    /// Whether pictures have no channel axis.
+    pub flat: bool,
+}
+
+/// The words by which a caller describes depth.
+pub struct DepthWords<'a> {
+    pub depth_kind: &'a str,
+    pub near: Option<f64>,
+    pub far: Option<f64>,
+}
+
+fn array<'a, 'py>(name: &str, value: &'a Bound<'py, PyAny>) -> PyResult<&'a Bound<'py, PyUntypedArray>> {
+    value.cast::<PyUntypedArray>().map_err(|_| {
+        let kind = value.get_type();
+        PyTypeError::new_err(format!("{name} must be a NumPy array; got {kind}"))
+    })
+}
+
+fn sample_type(name: &str, array: &Bound<'_, PyUntypedArray>, integers: bool) -> PyResult<SampleType> {
+    let (py, given) = (array.py(), array.dtype());
+    let known = [
+        (dtype::<f16>(py), SampleType::F16),
+        (dtype::<f32>(py), SampleType::F32),
+        (dtype::<f64>(py), SampleType::F64),
+        (dtype::<u8>(py), SampleType::U8),
+        (dtype::<u16>(py), SampleType::U16),
+    ];
+    let usable = known.iter().take(if integers { 5 } else { 3 });
+    usable.clone().find(|(dtype, _)| given.is_equiv_to(dtype)).map(|(_, t)| *t).ok_or_else(|| {
+        let accepted = if integers { "float16, float32, float64, uint8 or uint16" } else { "float16, float32 or float64" };
+        PyTypeError::new_err(format!("{name} must have dtype {accepted} in native byte order; got {given}"))
+    })
+}
+
+/// Calls `read` with a view of the array, whatever its strides.
+fn view<T: Element, R>(
+    array: &Bound<'_, PyUntypedArray>,
+    read: impl FnOnce(ArrayViewD<'_, T>) -> R,
+) -> PyResult<R> {
+    let typed = array.cast::<PyArrayDyn<T>>()?.try_readonly()?;
+    Ok(read(typed.as_array()))
+}
+
+/// Shape of the colour: layers, rows, columns, channels.
+struct ColorShape {
+    layers: usize,
+    size: Size,
+    layered: bool,
+    flat: bool,
+}
+
+fn color_shape(shape: &[usize]) -> PyResult<ColorShape> {
+    let (layers, height, width, channels, flat) = match *shape {
+        [height, width] => (1, height, width, 1, true),
+        [height, width, channels] => (1, height, width, channels, false),
+        [layers, height, width, channels] => (layers, height, width, channels, false),
+        _ => {
+            return Err(PyValueError::new_err(format!(
+                "color must have shape (H, W), (H, W, C) or (L, H, W, 4); got {shape:?}"
+            )));
+        }
+    };
+    let layered = shape.len() == 4;
+    if layers == 0 || height == 0 || width == 0 {
+        return Err(PyValueError::new_err(format!("color must not be empty; got shape {shape:?}")));
+    }
+    if !(1..=4).contains(&channels) {
+        return Err(PyValueError::new_err(format!(
+            "color must have 1 to 4 channels in its last axis; got shape {shape:?}"
+        )));
+    }
+    if layered && channels != 4 {
+        return Err(PyValueError::new_err(format!(
+            "color in layers must have 4 channels (premultiplied RGBA); got shape {shape:?}"
+        )));
+    }
+    if height.max(width) > MAX_SIDE {
+        return Err(PyValueError::new_err(format!(
+            "color may have at most {MAX_SIDE} rows and columns; got shape {shape:?}"
+        )));
+    }
+    Ok(ColorShape { layers, size: Size { width, height, channels }, layered, flat })
+}
+
+/// Cell offsets are 32-bit integers: a padded frame must stay below 2^31 cells.
+const MAX_SIDE: usize = 32_768;
+
+/// How many values are not finite, and the position of the first.
+fn not_finite(plane: &[f32], width: usize) -> Option<(usize, usize, usize)> {
+    let bad = plane.par_iter().filter(|v| !v.is_finite()).count();
+    let first = plane.iter().position(|v| !v.is_finite())?;
+    Some((bad, first / width, first % width))
+}
+
+/// Reads one layer of colour, (H, W, C), into planes.
+fn color_planes<T: Sample>(view: &ArrayViewD<'_, T>, size: Size, transfer: Transfer) -> Vec<f32> {
+    let mut planes = vec![0.0f32; size.pixels() * size.channels];
+    planes.par_chunks_mut(size.width).enumerate().for_each(|(row, out)| {
+        let (c, y) = (row / size.height, row % size.height);
+        let row = view.index_axis(Axis(0), y);
+        let row = if row.ndim() == 2 { row.index_axis_move(Axis(1), c) } else { row };
+        for (out, v) in out.iter_mut().zip(row.iter()) {
+            *out = v.to_code();
+        }
+        if transfer != Transfer::Linear && (c < 3 || size.channels < 4) {
+            out.iter_mut().for_each(|v| *v = transfer.decode(*v));
+        }
+    });
+    planes
+}
+
+/// Multiplies or divides the colour planes by the last one, coverage.
+fn scale_by_alpha(planes: &mut [f32], size: Size, scale: impl Fn(f32, f32) -> f32 + Sync) {
+    let (color, alpha) = planes.split_at_mut(size.pixels() * (size.channels - 1));
+    color.par_chunks_mut(size.pixels()).for_each(|plane| {
+        for (v, a) in plane.iter_mut().zip(alpha.iter()) {
+            *v = scale(*v, *a);
+        }
+    });
+}
+
+fn read_format(
+    array: &Bound<'_, PyUntypedArray>,
+    shape: &ColorShape,
+    alpha: Option<&str>,
+    transfer: Option<&str>,
+) -> PyResult<ColorFormat> {
+    let sample_type = sample_type("color", array, true)?;
+    let integer = matches!(sample_type, SampleType::U8 | SampleType::U16);
+    let transfer = match transfer {
+        Some(name) => choice("transfer", name, &Transfer::NAMES)?,
+        None if integer => {
+            return Err(PyValueError::new_err(format!(
+                "transfer must be given for integer color ({}): \"srgb\" for ordinary pictures, or \"linear\"",
+                array.dtype()
+            )));
+        }
+        None => Transfer::Linear,
+    };
+    let names = [("premultiplied", Alpha::Premultiplied), ("straight", Alpha::Straight), ("none", Alpha::None)];
+    let alpha = match alpha {
+        None if shape.size.channels == 4 => Alpha::Premultiplied,
+        None => Alpha::None,
+        Some(name) => choice("alpha", name, &names)?,
+    };
+    if alpha != Alpha::None && !matches!(shape.size.channels, 2 | 4) {
+        return Err(PyValueError::new_err(format!(
+            "alpha must be \"none\" for color of {} channels: only 2 or 4 channels can hold coverage",
+            shape.size.channels
+        )));
+    }
+    if shape.layered && alpha == Alpha::None {
+        return Err(PyValueError::new_err(
+            "alpha must be \"premultiplied\" or \"straight\" for color in layers: it says where a layer has a surface",
+        ));
+    }
+    Ok(ColorFormat { sample_type, transfer, alpha, flat: shape.flat })
+}
+
+fn read_layer_color(
+    array: &Bound<'_, PyUntypedArray>,
+    shape: &ColorShape,
+    layer: usize,
+    format: &ColorFormat,
+) -> PyResult<Vec<f32>> {
+    let size = shape.size;
+    let mut planes = with_sample_type!(format.sample_type, T => view::<T, _>(array, |view| {
+        let view = if shape.layered { view.index_axis_move(Axis(0), layer) } else { view };
+        color_planes(&view, size, format.transfer)
+    }))?;
+    for (c, plane) in planes.chunks(size.pixels()).enumerate() {
+        if let Some((bad, y, x)) = not_finite(plane, size.width) {
+            return Err(PyValueError::new_err(format!(
+                "color has {bad} values in channel {c} that are not finite (or too large for float32); \
+                 the first is at row {y}, column {x}"
+            )));
+        }
+    }
+    if format.alpha != Alpha::None {
+        let alpha = &planes[size.pixels() * (size.channels - 1)..];
+        if let Some(i) = alpha.iter().position(|a| !(0.0..=1.0 + 1e-3).contains(a)) {
+            return Err(PyValueError::new_err(format!(
+                "color must have alpha from 0 to 1; got {} at row {}, column {}",
+                alpha[i],
+                i / size.width,
+                i % size.width
+            )));
+        }
+    }
+    if format.alpha == Alpha::Straight {
+        scale_by_alpha(&mut planes, size, |v, a| v * a);
+    }
+    Ok(planes)
+}
+
+fn positive(name: &str, value: Option<f64>, kind: &str) -> PyResult<f64> {
+    match value {
+        Some(v) if v > 0.0 => Ok(v),
+        Some(v) => Err(PyValueError::new_err(format!("{name} must be a distance in metres greater than 0; got {v}"))),
+        None => Err(PyValueError::new_err(format!("{name} must be given for depth_kind={kind:?}"))),
+    }
+}
+
+/// The kind of depth that the words describe, checked against the lens it is for.
+pub fn read_depth_kind(words: &DepthWords, lens: &Lens) -> PyResult<DepthKind> {
+    let kind = read_depth_words(words)?;
+    match (kind, lens) {
+        (DepthKind::Disparity, Lens::Thin { .. }) => Err(PyValueError::new_err(
+            "depth_kind=\"disparity\" is relative and needs a lens made by Lens.from_disparity; metric inverse \
+             depth is depth_kind=\"inverse_z\"",
+        )),
+        (DepthKind::Disparity, Lens::Relative { .. }) => Ok(kind),
+        (_, Lens::Relative { .. }) => Err(PyValueError::new_err(format!(
+            "depth_kind={:?} is metric, but the lens was made by Lens.from_disparity, which needs \
+             depth_kind=\"disparity\"",
+            words.depth_kind
+        ))),
+        (_, Lens::Thin { .. }) => Ok(kind),
+    }
+}
+
+/// The kind of depth that the words describe.
+pub fn read_depth_words(words: &DepthWords) -> PyResult<DepthKind> {
+    let name = words.depth_kind;
+    let names = [
+        ("z", DepthKind::Z),
+        ("distance", DepthKind::Distance),
+        ("inverse_z", DepthKind::InverseZ),
+        ("disparity", DepthKind::Disparity),
+        ("zbuffer", DepthKind::ZBuffer { near: 0.0, far: 0.0 }),
+        ("distance_from_near", DepthKind::DistanceFromNear { near: 0.0 }),
+    ];
+    Ok(match choice("depth_kind", name, &names)? {
+        DepthKind::ZBuffer { .. } => {
+            let (near, far) = (positive("near", words.near, name)?, positive("far", words.far, name)?);
+            if far <= near {
+                return Err(PyValueError::new_err(format!("far must be greater than near ({near}); got {far}")));
+            }
+            DepthKind::ZBuffer { near, far }
+        }
+        DepthKind::DistanceFromNear { .. } => {
+            DepthKind::DistanceFromNear { near: positive("near", words.near, name)? }
+        }
+        kind => {
+            if words.near.is_some() || words.far.is_some() {
+                return Err(PyValueError::new_err(format!(
+                    "near and far are for depth_kind=\"zbuffer\" and \"distance_from_near\"; got depth_kind={name:?}"
+                )));
+            }
+            kind
+        }
+    })
+}
+
+/// What to do with values that are no depth.
+pub fn read_invalid(name: &str) -> PyResult<Invalid> {
+    choice("invalid", name, &[("raise", Invalid::Raise), ("far", Invalid::Far)])
+}
+
+/// Depth values of one plane as `f32`, whatever the strides.
+fn depth_values<T: Sample>(view: &ArrayViewD<'_, T>, width: usize) -> Vec<f32> {
+    let mut out = vec![0.0f32; view.len()];
+    out.par_chunks_mut(width).enumerate().for_each(|(y, out)| {
+        for (out, v) in out.iter_mut().zip(view.index_axis(Axis(0), y).iter()) {
+            *out = v.to_code();
+        }
+    });
+    out
+}
+
+/// Raw depth planes of an array of shape (H, W), or (L, H, W).
+pub struct DepthPlanes {
+    pub width: usize,
+    pub height: usize,
+    pub planes: Vec<Vec<f32>>,
+}
+
+/// Reads depth as it is, without taking it for anything.
+pub fn read_depth(depth: &Bound<'_, PyAny>) -> PyResult<DepthPlanes> {
+    let array = array("depth", depth)?;
+    let sample_type = sample_type("depth", array, false)?;
+    let shape = array.shape();
+    let (layers, height, width) = match *shape {
+        [height, width] => (1, height, width),
+        [layers, height, width] => (layers, height, width),
+        _ => {
+            return Err(PyValueError::new_err(format!(
+                "depth must have shape (H, W), or (L, H, W) for layers; got {shape:?}"
+            )));
+        }
+    };
+    if layers * height * width == 0 {
+        return Err(PyValueError::new_err(format!("depth must not be empty; got shape {shape:?}")));
+    }
+    let planes = with_sample_type!(sample_type, T => view::<T, _>(array, |view| {
+        let layer = |i: usize| if view.ndim() == 3 { view.index_axis(Axis(0), i) } else { view.view() };
+        (0..layers).map(|i| depth_values(&layer(i), width)).collect()
+    }))?;
+    Ok(DepthPlanes { width, height, planes })
+}
+
+/// The disparity at one pixel; negative positions count from the end.
+pub fn read_depth_value(depth: &Bound<'_, PyAny>, x: isize, y: isize, kind: DepthKind, lens: &Lens) -> PyResult<f64> {
+    let planes = read_depth(depth)?;
+    let at = |name: &str, i: isize, n: usize| {
+        let from_start = if i < 0 { i + n as isize } else { i };
+        if (0..n as isize).contains(&from_start) {
+            Ok(from_start as usize)
+        } else {
+            Err(PyIndexError::new_err(format!("{name} must lie within {n} pixels; got {i}")))
+        }
+    };
+    let (x, y) = (at("x", x, planes.width)?, at("y", y, planes.height)?);
+    let size = (planes.width, planes.height);
+    let mut one = vec![planes.planes[0][y * planes.width + x]; 1];
+    if kind.needs_rays() {
+        // A kind along the ray depends on where the pixel is.
+        let focal_px = lens.focal_px(size.0, size.1);
+        let mut plane = vec![1.0f32; size.0 * size.1];
+        plane[y * size.0 + x] = one[0];
+        one[0] = disparity_plane(&plane, size, kind, focal_px, Invalid::Raise)?[y * size.0 + x];
+    } else {
+        one = disparity_plane(&one, (1, 1), kind, None, Invalid::Raise)?;
+    }
+    Ok(f64::from(one[0]))
+}
+
+/// Colour and depth, read but not yet seen through a lens.
+pub struct Input {
+    pub size: Size,
+    pub format: ColorFormat,
+    /// Colour planes of each layer.
+    color: Vec<Vec<f32>>,
+    /// Raw depth of each layer.
+    depth: Vec<Vec<f32>>,
+}
+
+impl Input {
+    /// Reads and checks both arrays.
+    pub fn read(
+        color: &Bound<'_, PyAny>,
+        depth: &Bound<'_, PyAny>,
+        alpha: Option<&str>,
+        transfer: Option<&str>,
+    ) -> PyResult<Input> {
+        let array = array("color", color)?;
+        let shape = color_shape(array.shape())?;
+        let format = read_format(array, &shape, alpha, transfer)?;
+        let planes = read_depth(depth)?;
+        let expected = (shape.layers, shape.size.height, shape.size.width);
+        if (planes.planes.len(), planes.height, planes.width) != expected {
+            return Err(PyValueError::new_err(format!(
+                "depth must have the same layers, rows and columns as color, {expected:?}; got {:?}",
+                (planes.planes.len(), planes.height, planes.width)
+            )));
+        }
+        let color = (0..shape.layers)
+            .map(|layer| read_layer_color(array, &shape, layer, &format))
+            .collect::<PyResult<_>>()?;
+        Ok(Input { size: shape.size, format, color, depth: planes.planes })
+    }
+
+    /// Whether the kinds of depth along the ray can be used, they need the focal length; see [`Lens::focal_px`].
+    pub fn picture(&self, kind: DepthKind, focal_px: Option<f64>, invalid: Invalid) -> PyResult<Picture> {
+        let size = self.size;
+        let layered = self.color.len() > 1;
+        let layers = self
+            .color
+            .iter()
+            .zip(&self.depth)
+            .map(|(color, depth)| {
+                // Where a layer has no surface its depth means nothing.
+                let mut depth = depth.clone();
+                if layered {
+                    let alpha = &color[size.pixels() * (size.channels - 1)..];
+                    let background = match kind {
+                        DepthKind::InverseZ | DepthKind::Disparity | DepthKind::DistanceFromNear { .. } => 0.0,
+                        DepthKind::ZBuffer { .. } => 1.0,
+                        DepthKind::Z | DepthKind::Distance => f32::INFINITY,
+                    };
+                    depth.iter_mut().zip(alpha).filter(|(_, a)| **a <= 0.0).for_each(|(d, _)| *d = background);
+                }
+                let disparity = disparity_plane(&depth, (size.width, size.height), kind, focal_px, invalid)?;
+                Ok(Layer { color: color.clone(), disparity })
+            })
+            .collect::<PyResult<_>>()?;
+        Ok(Picture { size, layers })
+    }
+}
+
+/// The finished picture as the user's own dtype and format.
+pub fn write_color<'py>(
+    py: Python<'py>,
+    mut pixels: Vec<f32>,
+    size: Size,
+    format: &ColorFormat,
+) -> PyResult<Bound<'py, PyAny>> {
+    let channels = size.channels;
+    if format.alpha == Alpha::Straight {
+        pixels.par_chunks_mut(channels).for_each(|pixel| {
+            let alpha = pixel[channels - 1];
+            if alpha > 0.0 {
+                pixel[..channels - 1].iter_mut().for_each(|v| *v /= alpha);
+            }
+        });
+    }
+    if format.transfer != Transfer::Linear {
+        pixels.par_chunks_mut(channels).for_each(|pixel| {
+            let colors = channels.min(3);
+            pixel[..colors].iter_mut().for_each(|v| *v = format.transfer.encode(*v));
+        });
+    }
+    let shape = if format.flat { vec![size.height, size.width] } else { vec![size.height, size.width, channels] };
+    if format.sample_type == SampleType::F32 {
+        return Ok(PyArray1::from_vec(py, pixels).reshape(shape)?.into_any());
+    }
+    Ok(with_sample_type!(format.sample_type, T => {
+        let samples: Vec<T> = pixels.into_par_iter().map(T::from_code).collect();
+        PyArray1::from_vec(py, samples).reshape(shape)?.into_any()
+    }))
+}

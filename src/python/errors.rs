@@ -1,0 +1,28 @@
+//! The core's errors as Python exceptions.
+
+use crate::error::Error;
+use pyo3::create_exception;
+use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError, PyValueError};
+use pyo3::prelude::*;
+
+create_exception!(dofsim, DeviceError, PyRuntimeError, "The device asked for cannot be used.");
+
+impl From<Error> for PyErr {
+    fn from(error: Error) -> PyErr {
+        match error {
+            Error::Value(text) => PyValueError::new_err(text),
+            Error::Device(text) => DeviceError::new_err(text),
+            // The signal that asked for it raises its own exception; this is for a stop without one.
+            Error::Cancelled => PyKeyboardInterrupt::new_err("the render was interrupted"),
+        }
+    }
+}
+
+/// The value that a name stands for, among those accepted.
+pub fn choice<T: Copy>(argument: &str, name: &str, accepted: &[(&str, T)]) -> PyResult<T> {
+    let found = accepted.iter().find(|(n, _)| *n == name).map(|(_, value)| *value);
+    found.ok_or_else(|| {
+        let names: Vec<String> = accepted.iter().map(|(n, _)| format!("{n:?}")).collect();
+        PyValueError::new_err(format!("{argument} must be one of {}; got {name:?}", names.join(", ")))
+    })
+}

@@ -1,0 +1,439 @@
+//! `dofsim.render`, `dofsim.coc` and `dofsim.Scene`.
+
+use super::aperture::PyAperture;
+use super::arrays::{ColorFormat, DepthWords, Input, read_depth, read_depth_kind, read_depth_words, read_invalid, write_color};
+use super::errors::{DeviceError, choice};
+use super::lens::PyLens;
+use super::run::{detached, simd};
+use crate::aperture::Aperture;
+use crate::depth::{DepthKind, Invalid, disparity_plane};
+use crate::optics::{Lens, Optics};
+use crate::picture::Size;
+use crate::render::{Options, Scene};
+use numpy::{PyArray1, PyArrayMethods};
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// How the picture relates to the output.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Frame {
+    /// Pixels of margin on every side, not in the output.
+    overscan: usize,
+    /// Pixels of the picture to one of the output, along each axis.
+    supersample: usize,
+}
+
+impl Frame {
+    fn new(size: Size, overscan: usize, supersample: usize) -> PyResult<Frame> {
+        if !(1..=16).contains(&supersample) {
+            return Err(PyValueError::new_err(format!("supersample must be from 1 to 16; got {supersample}")));
+        }
+        if size.width % supersample != 0 || size.height % supersample != 0 {
+            return Err(PyValueError::new_err(format!(
+                "supersample={supersample} must divide the rows and columns of color; got {} and {}",
+                size.height, size.width
+            )));
+        }
+        let smaller = size.width.min(size.height) / supersample;
+        if 2 * overscan >= smaller {
+            return Err(PyValueError::new_err(format!(
+                "overscan must leave a picture: twice {overscan} is not less than {smaller} pixels"
+            )));
+        }
+        Ok(Frame { overscan, supersample })
+    }
+
+    /// Size of the output.
+    fn output(&self, size: Size) -> Size {
+        let side = |n: usize| n / self.supersample - 2 * self.overscan;
+        Size { width: side(size.width), height: side(size.height), channels: size.channels }
+    }
+
+    /// The lens over the picture: the field of view spans the output, whose pixels the picture divides.
+    fn optics(&self, size: Size, lens: &Lens) -> Optics {
+        let output = self.output(size);
+        let optics = lens.optics(output.width, output.height);
+        Optics { k: optics.k * self.supersample as f64, ..optics }
+    }
+
+    fn focal_px(&self, size: Size, lens: &Lens) -> Option<f64> {
+        let output = self.output(size);
+        lens.focal_px(output.width, output.height).map(|f| f * self.supersample as f64)
+    }
+
+    /// The output out of the resolved picture, which still has its margin.
+    fn crop(&self, resolved: Vec<f32>, size: Size) -> Vec<f32> {
+        if self.overscan == 0 {
+            return resolved;
+        }
+        let (width, output) = (size.width / self.supersample, self.output(size));
+        let row = |y: usize| ((y + self.overscan) * width + self.overscan) * size.channels;
+        (0..output.height).flat_map(|y| &resolved[row(y)..][..output.width * size.channels]).copied().collect()
+    }
+}
+
+/// The methods there are.
+const METHODS: [(&str, ()); 1] = [("lens", ())];
+
+/// Where to compute.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Device {
+    Cpu,
+    Gpu,
+}
+
+fn check_device(name: &str) -> PyResult<()> {
+    let names = [("auto", Device::Cpu), ("cpu", Device::Cpu), ("gpu", Device::Gpu)];
+    match choice("device", name, &names)? {
+        Device::Cpu => Ok(()),
+        Device::Gpu => Err(DeviceError::new_err(
+            "device=\"gpu\": this build of dofsim has no GPU path yet; use device=\"cpu\" or \"auto\"",
+        )),
+    }
+}
+
+fn read_options(aperture: Option<&PyAperture>, views: Option<usize>) -> PyResult<Options> {
+    if let Some(n) = views
+        && !(16..=16_384).contains(&n)
+    {
+        return Err(PyValueError::new_err(format!("views must be from 16 to 16384; got {n}")));
+    }
+    Ok(Options { aperture: aperture.map_or(Aperture::DISC, |a| a.core), views, simd: simd()? })
+}
+
+/// The picture that a real lens would have taken.
+///
+/// Parameters
+/// ----------
+/// color : ndarray
+///     The pinhole picture, shape (H, W) or (H, W, C) with 1 to 4 channels, or (L, H, W, 4) for layers from
+///     front to back. float16, float32 or float64 in linear light, or uint8 or uint16 with `transfer`.
+/// depth : ndarray
+///     What each pixel sees, shape (H, W), or (L, H, W) for layers. float16, float32 or float64; metres unless
+///     `depth_kind` says otherwise. Infinity is background.
+/// lens : Lens
+///     The lens.
+/// method : {"lens"}, optional
+///     ``"lens"`` integrates over the lens with visibility for every lens point.
+/// device : {"auto", "cpu", "gpu"}, optional
+///     Where to compute.
+/// aperture : Aperture, optional
+///     Shape of the opening; a disc if not given.
+/// depth_kind : str, optional
+///     ``"z"`` (planar, metres, default), ``"distance"`` (from the pinhole along the ray, metres),
+///     ``"inverse_z"`` (1/m), ``"disparity"`` (relative; needs `Lens.from_disparity`), ``"zbuffer"`` (0 to 1
+///     between `near` and `far`) or ``"distance_from_near"`` (Mitsuba's depth AOV: along the ray from the near
+///     plane, 0 where nothing is hit).
+/// near, far : float, optional
+///     Clip planes in metres, for the kinds that need them.
+/// invalid : {"raise", "far"}, optional
+///     What to do with depth that is none (NaN, negative, zero).
+/// alpha : {"premultiplied", "straight", "none"}, optional
+///     What the last of 4 (or 2) channels is; premultiplied coverage is the default for 4.
+/// transfer : {"linear", "srgb"}, optional
+///     How samples stand for light. Must be given for integers; floats are linear unless told otherwise.
+/// overscan : int, optional
+///     Pixels of margin that the picture has on every side beyond the output (in output pixels). The field of
+///     view is that of the output.
+/// supersample : int, optional
+///     The picture is this many times larger than the output along each axis, sampled at its pixels' centres.
+/// threads : int, optional
+///     Worker threads; one per processor by default. The result does not depend on it.
+/// views : int, optional
+///     Lens points used wherever visibility matters, 16 to 16384. By default 64 to 512, chosen for each tile from
+///     the largest circle of confusion that reaches it.
+///
+/// Returns
+/// -------
+/// ndarray
+///     The picture, in the dtype and format of `color`; (H, W, 4) for layers.
+///
+/// Raises
+/// ------
+/// ValueError, TypeError
+///     If an argument cannot be used; the text names it, its value and what is accepted.
+/// DeviceError
+///     If the device cannot be used.
+///
+/// Notes
+/// -----
+/// What lies beyond the border of the picture is taken for its mirror image.
+///
+/// Examples
+/// --------
+/// >>> import dofsim
+/// >>> import numpy as np
+/// >>> color = np.random.default_rng(0).random((48, 64, 3), dtype=np.float32)
+/// >>> depth = np.full((48, 64), 4.0)
+/// >>> lens = dofsim.Lens(aperture_radius=0.1, focus_distance=2.0, fov=42.0)
+/// >>> dofsim.render(color, depth, lens).shape
+/// (48, 64, 3)
+#[pyfunction]
+#[pyo3(signature = (color, depth, lens, *, method="lens", device="auto", aperture=None, depth_kind="z", near=None,
+    far=None, invalid="raise", alpha=None, transfer=None, overscan=0, supersample=1, threads=None, views=None))]
+#[expect(clippy::too_many_arguments, reason = "the public function's own, keyword-only in Python")]
+pub fn render<'py>(
+    py: Python<'py>,
+    color: &Bound<'py, PyAny>,
+    depth: &Bound<'py, PyAny>,
+    lens: &PyLens,
+    method: &str,
+    device: &str,
+    aperture: Option<&PyAperture>,
+    depth_kind: &str,
+    near: Option<f64>,
+    far: Option<f64>,
+    invalid: &str,
+    alpha: Option<&str>,
+    transfer: Option<&str>,
+    overscan: usize,
+    supersample: usize,
+    threads: Option<usize>,
+    views: Option<usize>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let scene = PyScene::new(
+        color, depth, device, depth_kind, near, far, invalid, alpha, transfer, overscan, supersample,
+    )?;
+    scene.render(py, lens, method, aperture, threads, views)
+}
+
+/// Signed radius of the circle of confusion in pixels.
+///
+/// Parameters
+/// ----------
+/// depth : ndarray
+///     Shape (H, W), or (L, H, W) for layers; float16, float32 or float64.
+/// lens : Lens
+///     The lens.
+/// depth_kind, near, far, invalid
+///     As in `render`.
+///
+/// Returns
+/// -------
+/// ndarray
+///     float32, the shape of `depth`. Positive behind the focus plane, negative in front of it.
+///
+/// Raises
+/// ------
+/// ValueError, TypeError
+///     If an argument cannot be used; the text names it, its value and what is accepted.
+///
+/// Examples
+/// --------
+/// >>> import dofsim
+/// >>> import numpy as np
+/// >>> lens = dofsim.Lens(aperture_radius=0.1, focus_distance=2.0, fov=90.0)
+/// >>> dofsim.coc(np.array([[1.0, 2.0, np.inf, 4.0]]), lens)
+/// array([[-0.1 ,  0.  ,  0.1 ,  0.05]], dtype=float32)
+#[pyfunction]
+#[pyo3(signature = (depth, lens, *, depth_kind="z", near=None, far=None, invalid="raise"))]
+pub fn coc<'py>(
+    py: Python<'py>,
+    depth: &Bound<'py, PyAny>,
+    lens: &PyLens,
+    depth_kind: &str,
+    near: Option<f64>,
+    far: Option<f64>,
+    invalid: &str,
+) -> PyResult<Bound<'py, PyAny>> {
+    let kind = read_depth_kind(&DepthWords { depth_kind, near, far }, &lens.core)?;
+    let invalid = read_invalid(invalid)?;
+    let planes = read_depth(depth)?;
+    let size = (planes.width, planes.height);
+    let optics = lens.core.optics(size.0, size.1);
+    let focal_px = lens.core.focal_px(size.0, size.1);
+    let mut radius = Vec::with_capacity(size.0 * size.1 * planes.planes.len());
+    for plane in &planes.planes {
+        let disparity = disparity_plane(plane, size, kind, focal_px, invalid)?;
+        // Adding zero turns the negative zero of the focus plane into a plain one.
+        radius.par_extend(disparity.par_iter().map(|&d| (0.0 - optics.shift_px(f64::from(d))) as f32 + 0.0));
+    }
+    let shape: Vec<usize> = depth.getattr("shape")?.extract()?;
+    Ok(PyArray1::from_vec(py, radius).reshape(shape)?.into_any())
+}
+
+/// A picture with depth, prepared once and rendered through many lenses.
+///
+/// Parameters
+/// ----------
+/// color, depth
+///     As in `render`.
+/// device, depth_kind, near, far, invalid, alpha, transfer, overscan, supersample
+///     As in `render`.
+///
+/// Raises
+/// ------
+/// ValueError, TypeError, DeviceError
+///     As in `render`.
+///
+/// Examples
+/// --------
+/// >>> import dofsim
+/// >>> import numpy as np
+/// >>> scene = dofsim.Scene(np.ones((32, 48, 3), np.float32), np.full((32, 48), 2.0))
+/// >>> lens = dofsim.Lens(aperture_radius=0.1, focus_distance=3.0, fov=42.0)
+/// >>> scene.focal_stack(lens, [1.0, 2.0, 4.0]).shape
+/// (3, 32, 48, 3)
+#[pyclass(name = "Scene", module = "dofsim", frozen)]
+pub struct PyScene {
+    input: Input,
+    frame: Frame,
+    kind: DepthKind,
+    depth_words: (String, Option<f64>, Option<f64>),
+    invalid: Invalid,
+    /// The scene in disparity, with the focal length that it was converted with, where that matters.
+    scene: Mutex<Option<(Option<f64>, Arc<Scene>)>>,
+}
+
+impl PyScene {
+    /// The scene in disparity, as this lens needs it.
+    fn scene(&self, lens: &Lens) -> PyResult<Arc<Scene>> {
+        let (depth_kind, near, far) = (self.depth_words.0.as_str(), self.depth_words.1, self.depth_words.2);
+        read_depth_kind(&DepthWords { depth_kind, near, far }, lens)?;
+        let size = self.input.size;
+        let focal_px = self.frame.focal_px(size, lens).filter(|_| self.kind.needs_rays());
+        let mut cached = self.scene.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((made_with, scene)) = cached.as_ref()
+            && *made_with == focal_px
+        {
+            return Ok(Arc::clone(scene));
+        }
+        let picture = self.input.picture(self.kind, focal_px, self.invalid)?;
+        let scene = Arc::new(Scene::new(picture, self.frame.supersample));
+        *cached = Some((focal_px, Arc::clone(&scene)));
+        Ok(scene)
+    }
+
+    fn format(&self) -> &ColorFormat {
+        &self.input.format
+    }
+
+    fn pixels(&self, py: Python<'_>, lens: &Lens, options: &Options, threads: Option<usize>) -> PyResult<Vec<f32>> {
+        let scene = self.scene(lens)?;
+        let optics = self.frame.optics(self.input.size, lens);
+        let (frame, size) = (self.frame, self.input.size);
+        detached(py, threads, move |cancel| Ok(frame.crop(scene.render(&optics, options, cancel)?, size)))
+    }
+}
+
+#[pymethods]
+impl PyScene {
+    #[new]
+    #[pyo3(signature = (color, depth, *, device="auto", depth_kind="z", near=None, far=None, invalid="raise",
+        alpha=None, transfer=None, overscan=0, supersample=1))]
+    #[expect(clippy::too_many_arguments, reason = "the public constructor's own, keyword-only in Python")]
+    fn new(
+        color: &Bound<'_, PyAny>,
+        depth: &Bound<'_, PyAny>,
+        device: &str,
+        depth_kind: &str,
+        near: Option<f64>,
+        far: Option<f64>,
+        invalid: &str,
+        alpha: Option<&str>,
+        transfer: Option<&str>,
+        overscan: usize,
+        supersample: usize,
+    ) -> PyResult<PyScene> {
+        check_device(device)?;
+        let kind = read_depth_words(&DepthWords { depth_kind, near, far })?;
+        let invalid = read_invalid(invalid)?;
+        let input = Input::read(color, depth, alpha, transfer)?;
+        let frame = Frame::new(input.size, overscan, supersample)?;
+        let depth_words = (depth_kind.to_owned(), near, far);
+        Ok(PyScene { input, frame, kind, depth_words, invalid, scene: Mutex::new(None) })
+    }
+
+    /// The scene through a lens.
+    ///
+    /// Parameters
+    /// ----------
+    /// lens : Lens
+    ///     The lens.
+    /// method, aperture, threads, views
+    ///     As in the function `render`.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray
+    ///     As the function `render` returns it.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError, TypeError
+    ///     If an argument cannot be used.
+    #[pyo3(signature = (lens, *, method="lens", aperture=None, threads=None, views=None))]
+    fn render<'py>(
+        &self,
+        py: Python<'py>,
+        lens: &PyLens,
+        method: &str,
+        aperture: Option<&PyAperture>,
+        threads: Option<usize>,
+        views: Option<usize>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        choice("method", method, &METHODS)?;
+        let options = read_options(aperture, views)?;
+        let pixels = self.pixels(py, &lens.core, &options, threads)?;
+        write_color(py, pixels, self.frame.output(self.input.size), self.format())
+    }
+
+    /// The scene through one lens focused at many distances.
+    ///
+    /// What does not depend on the focus is prepared once.
+    ///
+    /// Parameters
+    /// ----------
+    /// lens : Lens
+    ///     The lens; its own focus does not matter.
+    /// distances : sequence of float
+    ///     Distances in focus in metres (disparities for a lens made by `Lens.from_disparity`).
+    /// method, aperture, threads, views
+    ///     As in the function `render`.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray
+    ///     One picture a distance, shape (N, H, W, C) or (N, H, W).
+    ///
+    /// Raises
+    /// ------
+    /// ValueError, TypeError
+    ///     If an argument cannot be used.
+    #[pyo3(signature = (lens, distances, *, method="lens", aperture=None, threads=None, views=None))]
+    #[expect(clippy::too_many_arguments, reason = "the public method's own, keyword-only in Python")]
+    fn focal_stack<'py>(
+        &self,
+        py: Python<'py>,
+        lens: &PyLens,
+        distances: &Bound<'py, PyAny>,
+        method: &str,
+        aperture: Option<&PyAperture>,
+        threads: Option<usize>,
+        views: Option<usize>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let distances: Vec<f64> = distances.try_iter().and_then(|all| all.map(|d| d?.extract()).collect()).map_err(|_| {
+            PyTypeError::new_err("distances must be a sequence of numbers")
+        })?;
+        if distances.is_empty() {
+            return Err(PyValueError::new_err("distances must hold at least one distance"));
+        }
+        let focused = distances.iter().map(|&distance| match lens.core {
+            Lens::Thin { aperture_radius, fov, fov_axis, .. } => Lens::thin(aperture_radius, distance, fov, fov_axis),
+            Lens::Relative { strength_px, .. } => Lens::from_disparity(strength_px, distance),
+        });
+        let lenses = focused.collect::<crate::error::Result<Vec<_>>>()?;
+        let slices = lenses
+            .into_iter()
+            .map(|core| self.render(py, &PyLens { core }, method, aperture, threads, views))
+            .collect::<PyResult<Vec<_>>>()?;
+        py.import("numpy")?.call_method1("stack", (slices,))
+    }
+
+    fn __repr__(&self) -> String {
+        let Size { width, height, channels } = self.input.size;
+        format!("<dofsim.Scene of {height} x {width} pixels, {channels} channels>")
+    }
+}

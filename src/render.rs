@@ -1,0 +1,78 @@
+//! A render from end to end: which method, on which picture, with which choices.
+
+use crate::aperture::Aperture;
+use crate::cancel::Cancel;
+use crate::cpu;
+use crate::cpu::lens::{Settings, Sheets, Simd};
+use crate::error::Result;
+use crate::optics::Optics;
+use crate::picture::{Picture, Size};
+use std::sync::{Arc, Mutex};
+
+/// The choices of one render.
+#[derive(Debug, Clone, Copy)]
+pub struct Options {
+    /// The opening.
+    pub aperture: Aperture,
+    /// Number of views everywhere, or chosen for each tile.
+    pub views: Option<usize>,
+    /// Instruction set.
+    pub simd: Simd,
+}
+
+/// A picture on its device, with what has been prepared from it.
+pub struct Scene {
+    picture: Picture,
+    /// Pixels of the picture to one of the output, along each axis.
+    supersample: usize,
+    /// The sheets last used, with the lens strength they were made for.
+    sheets: Mutex<Option<(f64, Arc<Sheets>)>>,
+}
+
+impl Scene {
+    /// A scene of a picture whose width and height are multiples of `supersample`.
+    pub fn new(picture: Picture, supersample: usize) -> Scene {
+        Scene { picture, supersample, sheets: Mutex::new(None) }
+    }
+
+    /// Size of what [`Scene::render`] returns.
+    pub fn output_size(&self) -> Size {
+        let Size { width, height, channels } = self.picture.size;
+        Size { width: width / self.supersample, height: height / self.supersample, channels }
+    }
+
+    /// Size of the picture itself.
+    pub fn picture_size(&self) -> Size {
+        self.picture.size
+    }
+
+    fn sheets(&self, optics: &Optics) -> Result<Arc<Sheets>> {
+        // A poisoned lock only means that another render was interrupted; what it holds is whole or absent.
+        let mut cached = self.sheets.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        if let Some((k, sheets)) = cached.as_ref()
+            && *k == optics.k
+        {
+            cpu::lens::check_radius(&self.picture, optics)?;
+            return Ok(Arc::clone(sheets));
+        }
+        let sheets = Arc::new(cpu::lens::prepare(&self.picture, optics)?);
+        *cached = Some((optics.k, Arc::clone(&sheets)));
+        Ok(sheets)
+    }
+
+    /// The scene through a lens, interleaved, premultiplied where it has coverage.
+    pub fn render(&self, optics: &Optics, options: &Options, cancel: &Cancel) -> Result<Vec<f32>> {
+        let sheets = self.sheets(optics)?;
+        let settings = Settings {
+            aperture: options.aperture,
+            views: options.views,
+            supersample: self.supersample,
+            simd: options.simd,
+        };
+        let full = cpu::lens::render(&self.picture, &sheets, optics, &settings, cancel)?;
+        Ok(match self.supersample {
+            1 => full,
+            n => cpu::resolve::box_average(&full, self.picture.size, n),
+        })
+    }
+}

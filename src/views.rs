@@ -1,0 +1,35 @@
+//! The lens points through which a frame is looked at, one a view.
+
+use crate::aperture::Aperture;
+
+/// Views a tile gets for every pixel of the area of its largest disc.
+const VIEWS_PER_PIXEL: f64 = 0.4;
+/// View counts to choose from: the noise of too few, and the time of too many, are both bounded.
+const COUNTS: [usize; 7] = [64, 96, 128, 192, 256, 384, 512];
+
+/// A lens point and the place inside the pixel that its ray starts from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct View {
+    /// Lens point, in units of the aperture's radius.
+    pub lens: [f64; 2],
+    /// Start of the ray relative to the pixel's centre, within half a pixel.
+    pub start: [f64; 2],
+}
+
+/// How many views a disc of radius `r_px` needs.
+pub fn count_for(r_px: f64) -> usize {
+    let wanted = VIEWS_PER_PIXEL * std::f64::consts::PI * r_px * r_px;
+    let enough = COUNTS.iter().copied().find(|&n| n as f64 >= wanted);
+    enough.unwrap_or(COUNTS[COUNTS.len() - 1])
+}
+
+/// `n` views, the same for every pixel.
+///
+/// Starts follow the additive recurrence of the plastic number, which fills the square evenly and has no
+/// relation to the golden ratio of the lens points.
+pub fn views(aperture: &Aperture, n: usize) -> Vec<View> {
+    const PLASTIC: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
+    let start = |i: usize| PLASTIC.map(|a| (0.5 + (i + 1) as f64 * a).fract() - 0.5);
+    let lens_points = aperture.lens_points(n).into_iter().enumerate();
+    lens_points.map(|(i, lens)| View { lens, start: start(i) }).collect()
+}
