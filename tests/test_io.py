@@ -12,9 +12,8 @@ import numpy as np
 import OpenEXR
 import pytest
 import tifffile
-from PIL import Image as PillowImage
-
 from dofsim import io
+from PIL import Image as PillowImage
 
 COMPRESSIONS = ["NO", "RLE", "ZIPS", "ZIP", "PIZ", "PXR24", "B44", "B44A", "DWAA", "DWAB"]
 

@@ -3,7 +3,6 @@
 import numpy as np
 import OpenEXR
 import pytest
-
 from dofsim import io
 
 

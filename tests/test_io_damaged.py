@@ -10,7 +10,6 @@ import numpy as np
 import OpenEXR
 import pytest
 import tifffile
-
 from dofsim import io
 
 READERS = [io.read_color, io.read_depth]

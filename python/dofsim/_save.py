@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +18,10 @@ Alpha = Literal["none", "straight", "premultiplied"]
 SampleType = Literal["half", "float", "uint8", "uint16"]
 Transfer = Literal["linear", "srgb"]
 
+ALPHAS: tuple[Alpha, ...] = get_args(Alpha)
+SAMPLE_TYPES: tuple[SampleType, ...] = get_args(SampleType)
+TRANSFERS: tuple[Transfer, ...] = get_args(Transfer)
+
 _KINDS = {
     ".exr": "exr",
     ".png": "png",
@@ -27,6 +31,7 @@ _KINDS = {
     ".npy": "npy",
     ".npz": "npz",
 }
+SUFFIXES = tuple(_KINDS)
 _SAMPLE_TYPES: dict[str, dict[SampleType, type[np.generic]]] = {
     "exr": {"half": np.float16, "float": np.float32},
     "png": {"uint8": np.uint8, "uint16": np.uint16},
@@ -175,6 +180,11 @@ def write_depth(
         _arrays.write_npy(path, plane)
     else:
         _arrays.write_npz(path, {"depth": plane})
+
+
+def holds(path: StrPath, dtype: SampleType) -> bool:
+    """Tell whether the format that the suffix names can hold samples of a type."""
+    return dtype in _SAMPLE_TYPES.get(_kind(path), {})
 
 
 def _kind(path: StrPath) -> str:

@@ -25,11 +25,26 @@ from . import _arrays, _channels, _dofsim
 from ._alpha import premultiply
 from ._arrays import StrPath
 from ._exr import channels_of, list_channels, read_exr, read_part, write_exr
-from ._save import Alpha, Transfer, write_depth, write_image
+from ._save import (
+    ALPHAS,
+    SAMPLE_TYPES,
+    SUFFIXES,
+    TRANSFERS,
+    Alpha,
+    Transfer,
+    holds,
+    write_depth,
+    write_image,
+)
 
 __all__ = [
+    "ALPHAS",
     "RGBD",
+    "SAMPLE_TYPES",
+    "SUFFIXES",
+    "TRANSFERS",
     "Image",
+    "holds",
     "list_channels",
     "read_color",
     "read_depth",
