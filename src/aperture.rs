@@ -120,10 +120,22 @@ impl Aperture {
     pub fn kernel(&self, t: f64) -> Kernel {
         let reach = (t.abs() + 0.5).ceil() as i32;
         let vertices: Vec<[f64; 2]> = self.vertices().iter().map(|v| [t * v[0], t * v[1]]).collect();
-        let weight = |dx: i32, dy: i32| match (self.apodization, self.outline) {
-            (None, Outline::Disc) => disc_pixel_area(t.abs(), dx, dy),
-            (None, Outline::Polygon { .. }) => polygon_pixel_area(&vertices, dx, dy),
-            (Some(sigma), _) => self.apodized_pixel_weight(sigma, t, dx, dy),
+        // The unit pixel's nearest and farthest points from the centre settle most cases: openings are convex.
+        let outside = |d: i32| (f64::from(d.abs()) - 0.5).max(0.0);
+        let corner_inside = |dx: i32, dy: i32, (cx, cy): (f64, f64)| {
+            self.rim_fraction([(f64::from(dx) + cx) / t, (f64::from(dy) + cy) / t]) <= 1.0
+        };
+        const CORNERS: [(f64, f64); 4] = [(-0.5, -0.5), (-0.5, 0.5), (0.5, -0.5), (0.5, 0.5)];
+        let weight = |dx: i32, dy: i32| {
+            if outside(dx).hypot(outside(dy)) >= t.abs() {
+                return 0.0;
+            }
+            match (self.apodization, self.outline) {
+                (Some(sigma), _) => self.apodized_pixel_weight(sigma, t, dx, dy),
+                _ if CORNERS.iter().all(|&corner| corner_inside(dx, dy, corner)) => 1.0,
+                (None, Outline::Disc) => disc_pixel_area(t.abs(), dx, dy),
+                (None, Outline::Polygon { .. }) => polygon_pixel_area(&vertices, dx, dy),
+            }
         };
         Kernel::from_weights(reach, weight)
     }

@@ -23,6 +23,12 @@ pub fn count_for(r_px: f64) -> usize {
     enough.unwrap_or(COUNTS[COUNTS.len() - 1])
 }
 
+/// Distance in pixels between the places at which `n` views draw a point under shift `t_px`, the opening's area being
+/// the fraction `area` of the unit disc's.
+pub fn spacing_px(t_px: f64, area: f64, n: usize) -> f64 {
+    t_px.abs() * (std::f64::consts::PI * area / n as f64).sqrt()
+}
+
 /// `n` views, the same for every pixel.
 ///
 /// Starts follow the additive recurrence of the plastic number, which fills the square evenly and has no

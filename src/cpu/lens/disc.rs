@@ -1,14 +1,11 @@
 //! Tiles that see one closed surface of nearly constant depth: the exact, area-weighted opening by running sums.
 
+use super::kernels::{self, Kernels};
 use super::pack::TILE;
 use super::sweep::TileColor;
 use crate::aperture::{Aperture, Kernel};
 use crate::picture::Size;
-
-/// Radii are told apart to this fraction of a pixel where depth varies within a tile.
-fn radius_step_px(r: f64) -> f64 {
-    if r < 4.0 { 1.0 / 64.0 } else { 1.0 / 16.0 }
-}
+use std::collections::BTreeSet;
 
 /// A tile's surroundings as rows of running sums, with mirrored borders.
 struct Surroundings {
@@ -78,46 +75,71 @@ impl Surroundings {
     }
 }
 
-/// The tile at `origin` of a surface with shifts `s - s_focus`.
-pub fn gather(
-    size: Size,
-    color: &[f32],
-    s: &[f32],
-    s_focus: f64,
-    aperture: &Aperture,
-    origin: (usize, usize),
-    out: &mut TileColor,
-) {
-    let (columns, rows) = (TILE.0.min(size.width - origin.0), TILE.1.min(size.height - origin.1));
-    let shift = |x: usize, y: usize| f64::from(s[(origin.1 + y) * size.width + origin.0 + x]) - s_focus;
-    let first = shift(0, 0);
-    let constant = (0..rows).all(|y| (0..columns).all(|x| shift(x, y) == first));
-    let step = radius_step_px(first.abs());
-    // Kernels are told apart by their radius in steps; a tile of one depth has exactly its own.
-    let key = |t: f64| if constant { 0 } else { (t / step).round() as i64 };
-    let radius = |key: i64| if constant { first } else { key as f64 * step };
+/// The frame that discs are gathered from.
+pub struct Gather<'a> {
+    pub size: Size,
+    /// Colour planes of the surface.
+    pub color: &'a [f32],
+    /// Its shifts relative to infinity.
+    pub s: &'a [f32],
+    pub s_focus: f64,
+    pub aperture: &'a Aperture,
+    pub kernels: &'a Kernels,
+}
 
-    let keys: Vec<Vec<i64>> =
-        (0..rows).map(|y| (0..columns).map(|x| key(shift(x, y))).collect()).collect();
-    let mut distinct: Vec<i64> = keys.iter().flatten().copied().collect();
-    distinct.sort_unstable();
-    distinct.dedup();
-    let kernels: Vec<Kernel> = distinct.iter().map(|&k| aperture.kernel(radius(k))).collect();
-    let reach = kernels.iter().map(|k| k.reach).max().unwrap_or(0) as usize;
-    let around = Surroundings::new(size, color, origin, reach);
+impl Gather<'_> {
+    fn shift(&self, x: usize, y: usize) -> f64 {
+        f64::from(self.s[y * self.size.width + x]) - self.s_focus
+    }
 
-    let mut sums = [0.0f64; TILE.0];
-    for (y, keys) in keys.iter().enumerate() {
-        let mut x = 0;
-        for same in keys.chunk_by(|a, b| a == b) {
-            let kernel = &kernels[distinct.partition_point(|&k| k < same[0])];
-            for (c, plane) in out.planes.iter_mut().enumerate() {
-                around.convolve(kernel, c, x, y, &mut sums[..same.len()]);
-                for (out, sum) in plane[y * TILE.0 + x..].iter_mut().zip(&sums[..same.len()]) {
-                    *out = *sum as f32;
+    /// The tile at `origin`. A tile of one depth has exactly its own kernel; elsewhere radii go in steps.
+    pub fn tile(&self, origin: (usize, usize), out: &mut TileColor) {
+        let extent = extent(self.size, origin);
+        let shifts: Vec<Vec<f64>> = (origin.1..origin.1 + extent.1)
+            .map(|y| (origin.0..origin.0 + extent.0).map(|x| self.shift(x, y)).collect())
+            .collect();
+        let first = shifts[0][0];
+        let own = shifts.iter().flatten().all(|&t| t == first).then(|| self.aperture.kernel(first));
+        let kernel_of = |t: f64| own.as_ref().unwrap_or_else(|| self.kernels.get(t));
+        let same = |a: &f64, b: &f64| own.is_some() || kernels::key(*a) == kernels::key(*b);
+        let reach = shifts.iter().flatten().map(|&t| kernel_of(t).reach).max().unwrap_or(0) as usize;
+        let around = Surroundings::new(self.size, self.color, origin, reach);
+
+        let mut sums = [0.0f64; TILE.0];
+        for (y, shifts) in shifts.iter().enumerate() {
+            let mut x = 0;
+            for run in shifts.chunk_by(same) {
+                for (c, plane) in out.planes.iter_mut().enumerate() {
+                    around.convolve(kernel_of(run[0]), c, x, y, &mut sums[..run.len()]);
+                    for (out, sum) in plane[y * TILE.0 + x..].iter_mut().zip(&sums[..run.len()]) {
+                        *out = *sum as f32;
+                    }
                 }
+                x += run.len();
             }
-            x += same.len();
         }
     }
+}
+
+/// Columns and rows of the frame in the tile at `origin`.
+fn extent(size: Size, origin: (usize, usize)) -> (usize, usize) {
+    (TILE.0.min(size.width - origin.0), TILE.1.min(size.height - origin.1))
+}
+
+/// The radius steps that a tile needs.
+pub fn keys(size: Size, s: &[f32], s_focus: f64, origin: (usize, usize)) -> BTreeSet<i32> {
+    let extent = extent(size, origin);
+    let row = |y: usize| &s[y * size.width + origin.0..][..extent.0];
+    let mut keys = BTreeSet::new();
+    let mut last = None;
+    for y in origin.1..origin.1 + extent.1 {
+        for &s in row(y) {
+            let key = kernels::key(f64::from(s) - s_focus);
+            if last != Some(key) {
+                keys.insert(key);
+                last = Some(key);
+            }
+        }
+    }
+    keys
 }

@@ -2,7 +2,7 @@
 //! pinhole did not.
 
 use super::sheets::Sheet;
-use super::surfaces::{CONNECTED_PX, EDGE};
+use super::surfaces::{self, CONNECTED_PX, EDGE};
 use super::unmix::Frame;
 use rayon::prelude::*;
 
@@ -34,8 +34,16 @@ struct Hit {
     color: [f32; 4],
 }
 
-/// Offsets of the pixels met in each direction, up to a distance.
-fn rays(reach: usize) -> Vec<Vec<(i32, i32)>> {
+/// A pixel on the way in one direction.
+#[derive(Clone, Copy)]
+struct Step {
+    dx: i32,
+    dy: i32,
+    distance: f32,
+}
+
+/// The pixels met in each direction, up to a distance.
+fn rays(reach: usize) -> Vec<Vec<Step>> {
     (0..DIRECTIONS)
         .map(|i| {
             let angle = std::f64::consts::TAU * i as f64 / DIRECTIONS as f64;
@@ -46,7 +54,8 @@ fn rays(reach: usize) -> Vec<Vec<(i32, i32)>> {
             (1..=steps)
                 .map(|k| {
                     let along = k as f64 / longest;
-                    ((along * x).round() as i32, (along * y).round() as i32)
+                    let (dx, dy) = ((along * x).round(), (along * y).round());
+                    Step { dx: dx as i32, dy: dy as i32, distance: dx.hypot(dy) as f32 }
                 })
                 .collect()
         })
@@ -102,51 +111,61 @@ impl Blocks {
     }
 }
 
-/// Follows one direction from pixel `(x, y)`, at shift `s_start`, until it leaves the foreground.
-fn look(
-    frame: &Frame,
-    back: &Sheet,
-    (x, y): (usize, usize),
-    s_start: f32,
-    s_farthest: f32,
-    ray: &[(i32, i32)],
-) -> Option<Hit> {
-    let mut previous = y * frame.size.width + x;
-    for (step, &(dx, dy)) in ray.iter().enumerate() {
-        let distance = (dx as f32).hypot(dy as f32);
-        if distance > s_start - s_farthest + MARGIN_PX {
-            return None;
-        }
-        let here = frame.offset(x, y, dx, dy)?;
-        let drop = frame.s[previous] - frame.s[here];
-        let silhouette = drop.abs() >= CONNECTED_PX && frame.links[previous] & frame.links[here] & EDGE != 0;
-        if silhouette && drop < 0.0 {
-            return None;
-        }
-        if silhouette && frame.s[here] <= s_start - CONNECTED_PX {
-            if distance > s_start - frame.s[here] + MARGIN_PX {
-                return None;
-            }
-            let color = pure_beyond(frame, back, (x, y), here, &ray[step..]);
-            return Some(Hit { distance, s: frame.s[here], color });
-        }
-        previous = here;
-    }
-    None
+/// What a look needs to know of the frame.
+struct Surroundings<'a> {
+    frame: &'a Frame<'a>,
+    /// The unmixed cells behind edges.
+    back: &'a Sheet,
+    /// See [`surfaces::distance_to_edges`].
+    edge_distance: &'a [u8],
 }
 
-/// The colour of the first pixel beyond a silhouette that mixes with nothing, or else the unmixed one there.
-fn pure_beyond(frame: &Frame, back: &Sheet, (x, y): (usize, usize), hit: usize, ray: &[(i32, i32)]) -> [f32; 4] {
-    let beyond = ray.iter().take(BEYOND_EDGE).map_while(|&(dx, dy)| frame.offset(x, y, dx, dy));
-    let pure = beyond
-        .take_while(|&q| (frame.s[q] - frame.s[hit]).abs() < SAME_SURFACE_PX)
-        .find(|&q| frame.links[q] & EDGE == 0);
-    match pure {
-        Some(q) => frame.color_at(q),
-        None if back.s[hit].is_nan() => frame.color_at(hit),
-        None => {
-            let n = frame.size.pixels();
-            std::array::from_fn(|c| if c < frame.size.channels { back.color[c * n + hit] } else { 0.0 })
+impl Surroundings<'_> {
+    /// Follows one direction from pixel `(x, y)`, at shift `s_start`, until it leaves the foreground; no farther
+    /// than a surface at `s_farthest` could be uncovered.
+    fn look(&self, (x, y): (usize, usize), s_start: f32, s_farthest: f32, ray: &[Step]) -> Option<Hit> {
+        let Frame { s, links, .. } = *self.frame;
+        let at = |step: &Step| self.frame.offset(x, y, step.dx, step.dy);
+        // Each step moves one pixel, so no edge is met sooner than after the distance to the nearest.
+        let mut k = usize::from(self.edge_distance[y * self.frame.size.width + x]).saturating_sub(1);
+        loop {
+            let step = ray.get(k)?;
+            if step.distance > s_start - s_farthest + MARGIN_PX {
+                return None;
+            }
+            let here = at(step)?;
+            if links[here] & EDGE == 0 {
+                k += usize::from(self.edge_distance[here]).max(1);
+                continue;
+            }
+            let previous = k.checked_sub(1).map_or(Some(y * self.frame.size.width + x), |k| at(&ray[k]))?;
+            let drop = s[previous] - s[here];
+            if drop.abs() >= CONNECTED_PX && links[previous] & EDGE != 0 {
+                if drop < 0.0 {
+                    return None;
+                }
+                if s[here] <= s_start - CONNECTED_PX {
+                    let uncovered = step.distance <= s_start - s[here] + MARGIN_PX;
+                    let hit = || Hit { distance: step.distance, s: s[here], color: self.pure_beyond((x, y), here, &ray[k..]) };
+                    return uncovered.then(hit);
+                }
+            }
+            k += 1;
+        }
+    }
+
+    /// The colour of the first pixel beyond a silhouette that mixes with nothing, or else the unmixed one there.
+    fn pure_beyond(&self, (x, y): (usize, usize), hit: usize, ray: &[Step]) -> [f32; 4] {
+        let Frame { size, s, links, .. } = *self.frame;
+        let beyond = ray.iter().take(BEYOND_EDGE).map_while(|step| self.frame.offset(x, y, step.dx, step.dy));
+        let pure = beyond.take_while(|&q| (s[q] - s[hit]).abs() < SAME_SURFACE_PX).find(|&q| links[q] & EDGE == 0);
+        match pure {
+            Some(q) => self.frame.color_at(q),
+            None if self.back.s[hit].is_nan() => self.frame.color_at(hit),
+            None => {
+                let at = |c: usize| self.back.color[c * size.pixels() + hit];
+                std::array::from_fn(|c| if c < size.channels { at(c) } else { 0.0 })
+            }
         }
     }
 }
@@ -197,27 +216,27 @@ pub fn hidden(frame: &Frame, front_s: &[f32], back: &Sheet) -> Vec<Hidden> {
     let reach = (s_max - s_min + MARGIN_PX).ceil() as usize;
     let rays = rays(reach.min(width.max(height)));
 
-    (0..height)
-        .into_par_iter()
-        .flat_map_iter(|y| {
-            let (rays, uncovered) = (&rays, &uncovered);
-            let across = blocks.across;
-            (0..width).filter_map(move |x| {
-                let index = y * width + x;
-                let s_farthest = uncovered[y / BLOCK * across + x / BLOCK]?;
-                if !back.s[index].is_nan() || front_s[index] - s_farthest < CONNECTED_PX {
-                    return None;
-                }
-                let mut hits = [Hit { distance: 0.0, s: 0.0, color: [0.0; 4] }; DIRECTIONS];
-                let mut found = 0;
-                for ray in rays {
-                    if let Some(hit) = look(frame, back, (x, y), front_s[index], s_farthest, ray) {
-                        hits[found] = hit;
-                        found += 1;
-                    }
-                }
-                merge(index, front_s[index], &hits[..found])
-            })
-        })
-        .collect()
+    let edge_distance = surfaces::distance_to_edges(frame.links, width);
+    let around = Surroundings { frame, back, edge_distance: &edge_distance };
+
+    let fill_pixel = |x: usize, y: usize| {
+        let index = y * width + x;
+        let s_farthest = uncovered[y / BLOCK * blocks.across + x / BLOCK]?;
+        let behind = front_s[index] - s_farthest;
+        let too_far = f32::from(edge_distance[index]) > behind + MARGIN_PX;
+        if !back.s[index].is_nan() || behind < CONNECTED_PX || too_far {
+            return None;
+        }
+        let mut hits = [Hit { distance: 0.0, s: 0.0, color: [0.0; 4] }; DIRECTIONS];
+        let mut found = 0;
+        for ray in &rays {
+            if let Some(hit) = around.look((x, y), front_s[index], s_farthest, ray) {
+                hits[found] = hit;
+                found += 1;
+            }
+        }
+        merge(index, front_s[index], &hits[..found])
+    };
+    let rows = (0..height).into_par_iter();
+    rows.flat_map_iter(|y| (0..width).filter_map(|x| fill_pixel(x, y)).collect::<Vec<_>>()).collect()
 }

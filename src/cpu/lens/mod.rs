@@ -5,6 +5,9 @@
 
 mod disc;
 mod fill;
+mod footprint;
+mod highlights;
+mod kernels;
 mod pack;
 mod sheets;
 mod simd;
@@ -22,11 +25,15 @@ use crate::error::{Result, value_error};
 use crate::optics::Optics;
 use crate::picture::Picture;
 use crate::views;
-use pack::TILE;
+use footprint::Footprint;
+use highlights::Highlights;
+use kernels::Kernels;
+use pack::{Packed, TILE};
 use rayon::prelude::*;
-use std::collections::BTreeMap;
+use std::borrow::Cow;
+use std::collections::{BTreeMap, BTreeSet};
 use sweep::{Missed, Segments, TileColor};
-use tiles::Work;
+use tiles::{Tile, Work};
 
 /// The largest circle of confusion that is rendered.
 pub const MAX_RADIUS_PX: f64 = 2048.0;
@@ -75,39 +82,55 @@ pub fn render(
     let s_focus = optics.k * optics.d_focus;
     let mut out = vec![0.0f32; size.pixels() * size.channels];
     cancel.check()?;
-    let packed = pack::pack(sheets, s_focus);
+    let count_views = |radius_px: f64| {
+        settings.views.unwrap_or_else(|| views::count_for(radius_px / settings.supersample as f64))
+    };
+    let area = settings.aperture.relative_area();
+    let mut packed = Packed::new(sheets, s_focus);
     cancel.check()?;
-    let tiles = tiles::plan(&packed, s_focus, |reach_px| {
-        settings.views.unwrap_or_else(|| views::count_for(reach_px / settings.supersample as f64))
-    });
-    let view_sets: BTreeMap<usize, Vec<views::View>> = tiles
-        .iter()
-        .filter_map(|tile| match tile.work {
-            Work::Sweep { views, .. } => Some(views),
-            _ => None,
-        })
-        .collect::<std::collections::BTreeSet<_>>()
-        .into_iter()
-        .map(|n| (n, views::views(&settings.aperture, n)))
-        .collect();
-    let missed = if sheets.opaque { Missed::Unknown } else { Missed::Nothing };
+    let tiles = tiles::plan(&packed, s_focus, count_views);
+    let view_sets = view_sets(&tiles, &settings.aperture);
 
+    let mut color: Vec<Cow<[f32]>> = sheets.sheets.iter().map(|s| Cow::Borrowed(s.color.as_slice())).collect();
+    let mut highlights = Vec::new();
+    if !view_sets.is_empty() {
+        highlights = highlights::extract(sheets, &mut color, &packed, s_focus);
+        let footprint = Footprint::new(packed.reach_px, |t| views::spacing_px(t, area, count_views(t)));
+        let mut drawn = color.clone();
+        for (sheet, color) in sheets.sheets.iter().zip(&mut drawn) {
+            footprint.widen(sheet, color, size, s_focus);
+        }
+        packed.set_colors(sheets, &drawn, &footprint, s_focus);
+        cancel.check()?;
+    }
+    let highlights = Highlights::new(highlights, &packed, &tiles);
+
+    let front = &sheets.sheets[0];
+    let gathered = tiles.par_iter().filter(|tile| tile.work == Work::Disc);
+    let mut keys = gathered.map(|tile| disc::keys(size, &front.s, s_focus, tile.origin)).reduce(BTreeSet::new, |mut a, b| {
+        a.extend(b);
+        a
+    });
+    keys.extend(highlights.shifts().map(kernels::key));
+    let kernels = Kernels::new(&settings.aperture, keys);
+    let gather =
+        disc::Gather { size, color: &color[0], s: &front.s, s_focus, aperture: &settings.aperture, kernels: &kernels };
+
+    let missed = if sheets.opaque { Missed::Unknown } else { Missed::Nothing };
     let mut slots = tile_slots(&mut out, size.width, size.channels);
-    slots.par_iter_mut().zip(&tiles).try_for_each_init(
+    slots.par_iter_mut().zip(&tiles).enumerate().try_for_each_init(
         || (Segments::default(), TileColor::new(size.channels)),
-        |(segments, color), (rows, tile)| {
+        |(segments, color), (i, (rows, tile))| {
             cancel.check()?;
             match &tile.work {
                 Work::Copy => copy(picture, tile.origin, color),
-                Work::Disc => {
-                    let front = &sheets.sheets[0];
-                    disc::gather(size, &front.color, &front.s, s_focus, &settings.aperture, tile.origin, color);
-                }
+                Work::Disc => gather.tile(tile.origin, color),
                 Work::Sweep { views, occupied } => {
                     segments.trace(&packed, s_focus, &view_sets[views], occupied);
                     sweep::sweep(settings.simd, &packed, segments, tile.origin, missed, color);
                 }
             }
+            highlights.draw(i, tile.origin, &packed, s_focus, &kernels, color);
             for (y, row) in rows.iter_mut().enumerate() {
                 for (x, pixel) in row.chunks_mut(size.channels).enumerate() {
                     for (out, plane) in pixel.iter_mut().zip(&color.planes) {
@@ -120,6 +143,18 @@ pub fn render(
     )?;
     drop(slots);
     Ok(out)
+}
+
+/// The views of every count that some tile needs.
+fn view_sets(tiles: &[Tile], aperture: &Aperture) -> BTreeMap<usize, Vec<views::View>> {
+    let counts: BTreeSet<usize> = tiles
+        .iter()
+        .filter_map(|tile| match tile.work {
+            Work::Sweep { views, .. } => Some(views),
+            Work::Copy | Work::Disc => None,
+        })
+        .collect();
+    counts.into_iter().map(|n| (n, views::views(aperture, n))).collect()
 }
 
 /// The rows of each tile in an interleaved frame, tiles in scan order.

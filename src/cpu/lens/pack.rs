@@ -1,9 +1,11 @@
 //! Sheets laid out for the sweep: quantised in depth, sharpened, with a mirrored margin as wide as the largest
 //! circle of confusion, so that no ray ever leaves the arrays.
 
+use super::footprint::Footprint;
 use super::sheets::{Sheet, Sheets};
 use super::surfaces::{CONNECTED_PX, DOWN, EDGE, RIGHT};
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// Columns and rows of the tiles that the frame is swept in.
 pub const TILE: (usize, usize) = (64, 32);
@@ -71,8 +73,9 @@ impl Codes {
         Codes { s_min, step: ((s_max - s_min) / f64::from(Codes::MAX - 1)).max(1e-9) }
     }
 
-    pub fn encode(&self, s: f64) -> u16 {
-        ((s - self.s_min) / self.step).round().clamp(0.0, f64::from(Codes::MAX - 1)) as u16 + 1
+    pub fn encode(&self, s: f32) -> u16 {
+        // Single precision is enough: 24 bits for 16. The cast rounds down and saturates.
+        ((s - self.s_min as f32) * (1.0 / self.step) as f32 + 0.5).min(f32::from(Codes::MAX - 1)) as u16 + 1
     }
 
     /// The shift that a code, or a place between codes, stands for.
@@ -94,6 +97,13 @@ pub struct PartialPlanes {
     pub cut: Vec<f32>,
 }
 
+impl PartialPlanes {
+    /// Whether a ray that passes cell `i` at `at`, from its centre, meets what the cell covers.
+    pub fn covers(&self, i: usize, at: [f32; 2]) -> bool {
+        self.bits[i / 8] >> (i % 8) & 1 == 0 || self.normal_x[i] * at[0] + self.normal_y[i] * at[1] <= self.cut[i]
+    }
+}
+
 /// One sheet, padded. A cell is the column of depths from `lo` to `hi`, in codes; an empty one has `lo > hi`.
 pub struct PackedSheet {
     pub lo: Vec<u16>,
@@ -107,6 +117,8 @@ pub struct PackedSheet {
 pub struct Packed {
     pub padding: Padding,
     pub codes: Codes,
+    /// The largest shift, in front of the focus plane or behind.
+    pub reach_px: f64,
     pub sheets: Vec<PackedSheet>,
     pub blocks: Blocks,
 }
@@ -121,17 +133,6 @@ pub struct Blocks {
     pub range: Vec<(u16, u16)>,
     /// For each block: the steepest cell, in codes, where all is one closed surface in the first sheet.
     pub smooth: Vec<Option<u16>>,
-}
-
-/// Strength of the Laplacian that undoes the blur of shifting by fractions of a pixel.
-///
-/// Drawing a pixel at a fraction `f` between two places adds a variance `f (1 - f)` along each axis. Over the lens
-/// points of a disc of radius `t` its mean is `4 t / (3 pi) - t^2 / 4` up to one pixel and about 1/6 beyond; half
-/// of it times the Laplacian is what the blur has added.
-fn sharpening(t: f32) -> f32 {
-    let t = t.abs();
-    let beyond = 1.0 / 12.0;
-    if t >= 1.0 { beyond } else { (0.5 * (t * 4.0 / (3.0 * std::f32::consts::PI) - 0.25 * t * t)).min(beyond) }
 }
 
 /// A cell's place in the sheets: sheet and pixel.
@@ -171,79 +172,112 @@ fn neighbours(sheets: &Sheets, cell: Cell) -> impl Iterator<Item = Cell> + '_ {
     })
 }
 
-/// One row of a sheet, ready to be laid out.
-struct Row {
-    lo: Vec<u16>,
-    hi: Vec<u16>,
-    color: Vec<Vec<f32>>,
-}
-
-fn pack_row(sheets: &Sheets, sheet: usize, y: usize, codes: &Codes, s_focus: f64) -> Row {
-    let size = sheets.size;
-    let own = &sheets.sheets[sheet];
-    let mut row = Row {
-        lo: vec![u16::MAX; size.width],
-        hi: vec![0; size.width],
-        color: vec![vec![0.0; size.width]; size.channels],
-    };
-    for x in 0..size.width {
-        let index = y * size.width + x;
-        let s = own.s[index];
-        if s.is_nan() {
-            continue;
-        }
-        let (mut lo, mut hi) = (s, s);
-        let kappa = sharpening((f64::from(s) - s_focus) as f32);
-        let mut laplacian = [0.0f32; 4];
-        for q in neighbours(sheets, Cell { sheet, index }) {
-            let other = &sheets.sheets[q.sheet];
-            // A surface stays closed when every cell reaches half-way to its neighbours.
-            let half_way = 0.5 * (s + other.s[q.index]);
-            lo = lo.min(half_way);
-            hi = hi.max(half_way);
-            for c in 0..size.channels {
-                laplacian[c] += other.color[c * size.pixels() + q.index] - own.color[c * size.pixels() + index];
-            }
-        }
-        row.lo[x] = codes.encode(f64::from(lo));
-        row.hi[x] = codes.encode(f64::from(hi));
-        for c in 0..size.channels {
-            row.color[c][x] = own.color[c * size.pixels() + index] - kappa * laplacian[c];
+/// Which cells of a row have all four neighbours in their own sheet and close by, as nearly all have.
+fn plain_cells(sheets: &Sheets, sheet: usize, y: usize) -> Vec<bool> {
+    let (w, h) = (sheets.size.width, sheets.size.height);
+    let at = |y: usize| &sheets.sheets[sheet].s[y * w..][..w];
+    let mut plain = vec![false; w];
+    if y > 0 && y + 1 < h {
+        let (above, s, below) = (at(y - 1), at(y), at(y + 1));
+        for x in 1..w.saturating_sub(1) {
+            let around = [s[x - 1], s[x + 1], above[x], below[x]];
+            plain[x] = around.iter().fold(true, |all, q| all & ((q - s[x]).abs() < CONNECTED_PX));
         }
     }
-    row
+    plain
 }
 
-/// Lays a sheet out with its mirrored margin.
-fn pack_sheet(sheets: &Sheets, sheet: usize, padding: &Padding, codes: &Codes, s_focus: f64) -> PackedSheet {
-    let cells = padding.stride * padding.rows;
-    let channels = sheets.size.channels;
-    let mut packed = PackedSheet {
-        lo: vec![0; cells],
-        hi: vec![0; cells],
-        color: vec![vec![0.0; cells]; channels],
-        partial: partial_planes(&sheets.sheets[sheet], padding),
-    };
-    let columns: Vec<usize> = (0..padding.stride).map(|px| padding.column(px).0).collect();
-
-    let mut planes: Vec<_> = packed.color.iter_mut().map(|plane| plane.chunks_mut(padding.stride)).collect();
-    let mut rows: Vec<_> = (packed.lo.chunks_mut(padding.stride))
-        .zip(packed.hi.chunks_mut(padding.stride))
-        .map(|(lo, hi)| (lo, hi, planes.iter_mut().filter_map(Iterator::next).collect::<Vec<_>>()))
-        .collect();
-    rows.par_iter_mut().enumerate().for_each(|(py, (lo, hi, color))| {
-        let row = pack_row(sheets, sheet, padding.row(py).0, codes, s_focus);
-        for (px, &x) in columns.iter().enumerate() {
-            lo[px] = row.lo[x];
-            hi[px] = row.hi[x];
+/// The depths that each cell of a row spans, in codes: a surface stays closed when every cell reaches half-way to
+/// its neighbours.
+fn extents(sheets: &Sheets, sheet: usize, y: usize, codes: &Codes, lo: &mut [u16], hi: &mut [u16]) {
+    let w = sheets.size.width;
+    let at = |y: usize| &sheets.sheets[sheet].s[y * w..][..w];
+    let s = at(y);
+    let (above, below) = (at(y.saturating_sub(1)), at((y + 1).min(sheets.size.height - 1)));
+    let plain = plain_cells(sheets, sheet, y);
+    for x in 1..w.saturating_sub(1) {
+        let around = [s[x - 1], s[x + 1], above[x], below[x]];
+        let min = around.iter().fold(s[x], |m, &q| if q < m { q } else { m });
+        let max = around.iter().fold(s[x], |m, &q| if q > m { q } else { m });
+        lo[x] = codes.encode(0.5 * (s[x] + min));
+        hi[x] = codes.encode(0.5 * (s[x] + max));
+    }
+    for x in (0..w).filter(|&x| !plain[x]) {
+        if s[x].is_nan() {
+            (lo[x], hi[x]) = (u16::MAX, 0);
+            continue;
         }
-        for (plane, source) in color.iter_mut().zip(&row.color) {
-            for (out, &x) in plane.iter_mut().zip(&columns) {
-                *out = source[x];
+        let (mut nearest, mut farthest) = (s[x], s[x]);
+        for q in neighbours(sheets, Cell { sheet, index: y * w + x }) {
+            let half_way = 0.5 * (s[x] + sheets.sheets[q.sheet].s[q.index]);
+            farthest = farthest.min(half_way);
+            nearest = nearest.max(half_way);
+        }
+        (lo[x], hi[x]) = (codes.encode(farthest), codes.encode(nearest));
+    }
+}
+
+/// Copies what lies inside the frame to its mirror images on both sides.
+fn mirror_row<T: Copy>(padding: &Padding, row: &mut [T]) {
+    for px in (0..padding.pad).chain(padding.pad + padding.width..padding.stride) {
+        row[px] = row[padding.column(px).0 + padding.pad];
+    }
+}
+
+/// Lays out the depths of a sheet.
+fn depths(sheets: &Sheets, sheet: usize, padding: &Padding, codes: &Codes) -> PackedSheet {
+    let cells = padding.stride * padding.rows;
+    let (mut lo, mut hi) = (vec![0u16; cells], vec![0u16; cells]);
+    let inside = padding.pad..padding.pad + padding.width;
+    let rows = lo.par_chunks_mut(padding.stride).zip(hi.par_chunks_mut(padding.stride));
+    rows.enumerate().for_each(|(py, (lo, hi))| {
+        let y = padding.row(py).0;
+        extents(sheets, sheet, y, codes, &mut lo[inside.clone()], &mut hi[inside.clone()]);
+        mirror_row(padding, lo);
+        mirror_row(padding, hi);
+    });
+    PackedSheet { lo, hi, color: Vec::new(), partial: partial_planes(&sheets.sheets[sheet], padding) }
+}
+
+/// Lays out one channel of a sheet, sharpened against the blur of its own drawing.
+fn channel(
+    sheets: &Sheets,
+    sheet: usize,
+    c: usize,
+    color: &[Cow<[f32]>],
+    footprint: &Footprint,
+    s_focus: f64,
+    padding: &Padding,
+) -> Vec<f32> {
+    let size = sheets.size;
+    let (w, n) = (size.width, size.pixels());
+    let plane_of = |sheet: usize| &color[sheet][c * n..][..n];
+    let own = plane_of(sheet);
+    let s = &sheets.sheets[sheet].s;
+    let mut plane = vec![0.0f32; padding.stride * padding.rows];
+    plane.par_chunks_mut(padding.stride).enumerate().for_each(|(py, out)| {
+        let y = padding.row(py).0;
+        let at = |y: usize| &own[y * w..][..w];
+        let (above, row, below) = (at(y.saturating_sub(1)), at(y), at((y + 1).min(size.height - 1)));
+        let kappa = |x: usize| footprint.sharpening((f64::from(s[y * w + x]) - s_focus) as f32);
+        let plain = plain_cells(sheets, sheet, y);
+        let inside = &mut out[padding.pad..padding.pad + w];
+        for x in 1..w.saturating_sub(1) {
+            let laplacian = row[x - 1] + row[x + 1] + above[x] + below[x] - 4.0 * row[x];
+            inside[x] = row[x] - kappa(x) * laplacian;
+        }
+        for x in (0..w).filter(|&x| !plain[x]) {
+            inside[x] = row[x];
+            let index = y * w + x;
+            if !s[index].is_nan() {
+                let around = neighbours(sheets, Cell { sheet, index });
+                let laplacian: f32 = around.map(|q| plane_of(q.sheet)[q.index] - row[x]).sum();
+                inside[x] -= kappa(x) * laplacian;
             }
         }
+        mirror_row(padding, out);
     });
-    packed
+    plane
 }
 
 fn partial_planes(sheet: &Sheet, padding: &Padding) -> Option<PartialPlanes> {
@@ -331,16 +365,28 @@ pub fn shift_range(sheets: &Sheets) -> (f64, f64) {
     if min <= max { (f64::from(min), f64::from(max)) } else { (0.0, 0.0) }
 }
 
-/// Lays all sheets out for a lens focused at shift `s_focus`.
-pub fn pack(sheets: &Sheets, s_focus: f64) -> Packed {
-    let (s_min, s_max) = shift_range(sheets);
-    let reach = (s_min - s_focus).abs().max((s_max - s_focus).abs());
-    let padding = Padding::new(sheets.size.width, sheets.size.height, reach);
-    let codes = Codes::new(s_min, s_max);
-    let packed: Vec<PackedSheet> =
-        (0..sheets.sheets.len()).map(|sheet| pack_sheet(sheets, sheet, &padding, &codes, s_focus)).collect();
-    let blocks = blocks(sheets, &packed, &padding);
-    Packed { padding, codes, sheets: packed, blocks }
+impl Packed {
+    /// Lays out the depths of all sheets for a lens focused at shift `s_focus`; colours come with
+    /// [`Packed::set_colors`].
+    pub fn new(sheets: &Sheets, s_focus: f64) -> Packed {
+        let (s_min, s_max) = shift_range(sheets);
+        let reach = (s_min - s_focus).abs().max((s_max - s_focus).abs());
+        let padding = Padding::new(sheets.size.width, sheets.size.height, reach);
+        let codes = Codes::new(s_min, s_max);
+        let packed: Vec<PackedSheet> =
+            (0..sheets.sheets.len()).map(|sheet| depths(sheets, sheet, &padding, &codes)).collect();
+        let blocks = blocks(sheets, &packed, &padding);
+        Packed { padding, codes, reach_px: reach, sheets: packed, blocks }
+    }
+
+    /// Lays out the colours of all sheets, widened or sharpened to their footprint.
+    pub fn set_colors(&mut self, sheets: &Sheets, color: &[Cow<[f32]>], footprint: &Footprint, s_focus: f64) {
+        for (sheet, packed) in self.sheets.iter_mut().enumerate() {
+            packed.color = (0..sheets.size.channels)
+                .map(|c| channel(sheets, sheet, c, color, footprint, s_focus, &self.padding))
+                .collect();
+        }
+    }
 }
 
 #[cfg(test)]
@@ -357,8 +403,8 @@ mod tests {
     #[test]
     fn codes_keep_depth_to_a_thousandth_of_a_pixel() {
         let codes = Codes::new(-3.0, 57.0);
-        for s in [-3.0, 0.0, 12.3456, 57.0] {
-            assert!((codes.decode(f64::from(codes.encode(s))) - s).abs() < 1e-3);
+        for s in [-3.0f32, 0.0, 12.3456, 57.0] {
+            assert!((codes.decode(f64::from(codes.encode(s))) - f64::from(s)).abs() < 1e-3);
         }
     }
 }

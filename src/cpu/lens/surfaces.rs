@@ -26,52 +26,90 @@ fn connected(before: f32, a: f32, b: f32, after: f32) -> bool {
 
 /// `RIGHT`, `DOWN` and `EDGE` of every pixel.
 pub fn links(s: &[f32], width: usize, height: usize) -> Vec<u8> {
-    let at = |x: usize, y: usize| s[y * width + x];
-    let mut links = vec![0u8; s.len()];
-    links.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-        for (x, out) in row.iter_mut().enumerate() {
-            let a = at(x, y);
-            let mut bits = 0;
-            // Beyond the frame there is no edge; a missing `before` or `after` predicts a flat surface.
-            if x + 1 == width
-                || connected(at(x.saturating_sub(1), y), a, at(x + 1, y), at((x + 2).min(width - 1), y))
-            {
-                bits |= RIGHT;
+    let mut links = vec![RIGHT | DOWN; s.len()];
+    let broken: Vec<(usize, u8)> = links
+        .par_chunks_mut(width)
+        .enumerate()
+        .flat_map_iter(|(y, row)| {
+            let broken = broken_links(s, width, height, y);
+            for &(i, bit) in &broken {
+                row[i - y * width] &= !bit;
             }
-            if y + 1 == height
-                || connected(at(x, y.saturating_sub(1)), a, at(x, y + 1), at(x, (y + 2).min(height - 1)))
-            {
-                bits |= DOWN;
-            }
-            *out = bits;
-        }
-    });
-
-    // A broken link makes edges of all pixels whose 3x3 neighbourhood holds it: spread along rows, then columns.
-    let broken_in_row: Vec<u8> = (0..height)
-        .into_par_iter()
-        .flat_map_iter(|y| {
-            let row = &links[y * width..][..width];
-            (0..width).map(move |x| {
-                let (left, right) = (x.saturating_sub(1), (x + 1).min(width - 1));
-                // The links between columns left..right of this row; the last column's RIGHT leads out.
-                let across = row[left..right].iter().any(|l| l & RIGHT == 0);
-                let down = row[left..=right].iter().any(|l| l & DOWN == 0);
-                u8::from(across) | (u8::from(down) << 1)
-            })
+            broken
         })
         .collect();
-    links.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-        for (x, out) in row.iter_mut().enumerate() {
-            let at = |y: usize| broken_in_row[y * width + x];
-            let above = y.checked_sub(1).map_or(0, at);
-            let below = if y + 1 < height { at(y + 1) & 1 } else { 0 };
-            if above | at(y) | below != 0 {
-                *out |= EDGE;
+    // A broken link makes edges of the pixels whose 3x3 neighbourhood holds it.
+    for (i, bit) in broken {
+        let (x, y) = (i % width, i / width);
+        let (columns, rows) = if bit == RIGHT {
+            (x..=x + 1, y.saturating_sub(1)..=(y + 1).min(height - 1))
+        } else {
+            (x.saturating_sub(1)..=(x + 1).min(width - 1), y..=y + 1)
+        };
+        for y in rows {
+            for x in columns.clone() {
+                links[y * width + x] |= EDGE;
             }
         }
-    });
+    }
     links
+}
+
+/// The links of row `y` that join no surface, as pixel and bit.
+fn broken_links(s: &[f32], width: usize, height: usize, y: usize) -> Vec<(usize, u8)> {
+    let row = &s[y * width..][..width];
+    let mut broken = Vec::new();
+    for x in 0..width - 1 {
+        // A missing `before` or `after` predicts a flat surface.
+        if (row[x + 1] - row[x]).abs() >= CONNECTED_PX
+            && !connected(row[x.saturating_sub(1)], row[x], row[x + 1], row[(x + 2).min(width - 1)])
+        {
+            broken.push((y * width + x, RIGHT));
+        }
+    }
+    if y + 1 < height {
+        let below = &s[(y + 1) * width..][..width];
+        let before = &s[y.saturating_sub(1) * width..][..width];
+        let after = &s[(y + 2).min(height - 1) * width..][..width];
+        for x in 0..width {
+            if (below[x] - row[x]).abs() >= CONNECTED_PX && !connected(before[x], row[x], below[x], after[x]) {
+                broken.push((y * width + x, DOWN));
+            }
+        }
+    }
+    broken
+}
+
+/// Chessboard distance in pixels to the nearest edge pixel, up to 255.
+pub fn distance_to_edges(links: &[u8], width: usize) -> Vec<u8> {
+    let mut distance: Vec<u8> = links.iter().map(|l| if l & EDGE != 0 { 0 } else { u8::MAX }).collect();
+    let rows = links.len() / width;
+    // Two sweeps, each carrying distances on from the row before and along the row.
+    let mut carry = |y: usize, from: Option<usize>, forward: bool| {
+        let mut row = vec![u8::MAX; width];
+        row.copy_from_slice(&distance[y * width..][..width]);
+        if let Some(from) = from {
+            let other = &distance[from * width..][..width];
+            for x in 0..width {
+                let near = other[x.saturating_sub(1)].min(other[x]).min(other[(x + 1).min(width - 1)]);
+                row[x] = row[x].min(near.saturating_add(1));
+            }
+        }
+        let mut last = u8::MAX;
+        for i in 0..width {
+            let x = if forward { i } else { width - 1 - i };
+            last = row[x].min(last.saturating_add(1));
+            row[x] = last;
+        }
+        distance[y * width..][..width].copy_from_slice(&row);
+    };
+    for y in 0..rows {
+        carry(y, y.checked_sub(1), true);
+    }
+    for y in (0..rows).rev() {
+        carry(y, (y + 1 < rows).then_some(y + 1), false);
+    }
+    distance
 }
 
 #[cfg(test)]
@@ -86,8 +124,11 @@ mod tests {
 
         let step: Vec<f32> = (0..w * h).map(|i| if i % w < 6 { 0.0 } else { 9.0 }).collect();
         for (i, l) in links(&step, w, h).iter().enumerate() {
-            assert_eq!(l & EDGE != 0, (4..8).contains(&(i % w)), "column {}", i % w);
+            assert_eq!(l & EDGE != 0, (5..7).contains(&(i % w)), "column {}", i % w);
             assert_eq!(l & RIGHT == 0, i % w == 5);
+        }
+        for (i, d) in distance_to_edges(&links(&step, w, h), w).iter().enumerate() {
+            assert_eq!(usize::from(*d), (5usize.saturating_sub(i % w)).max((i % w).saturating_sub(6)));
         }
     }
 }

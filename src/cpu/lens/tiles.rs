@@ -4,8 +4,8 @@ use super::pack::{BLOCK, Codes, Packed, TILE};
 
 /// A disc up to this radius lies inside its own pixel.
 pub const IN_FOCUS_PX: f64 = 0.5;
-/// Across a single-surface tile's reach the radius may change by this much before its slope counts.
-const SAME_DISC_PX: f64 = 0.5;
+/// The disc of a pixel on a tilted surface is centred `slope * radius / 4` beside it; a quarter of a pixel may pass.
+const TILT_PX: f64 = 1.0;
 
 /// The work of one tile.
 #[derive(Debug, Clone, PartialEq)]
@@ -94,7 +94,7 @@ pub fn plan(packed: &Packed, s_focus: f64, count_views: impl Fn(f64) -> usize) -
         let work = if reach <= IN_FOCUS_PX {
             Work::Copy
         } else if steepest.is_some_and(|codes_per_px| {
-            f64::from(codes_per_px) * codes.step() * reach <= SAME_DISC_PX
+            f64::from(codes_per_px) * codes.step() * reach <= TILT_PX
         }) {
             Work::Disc
         } else {

@@ -1,0 +1,136 @@
+//! The size at which a cell is drawn, matched to how densely the lens is sampled.
+//!
+//! Shifting by fractions of a pixel blurs a little; where lens points are dense that blur is undone. Where they are
+//! so sparse that the places they draw a cell at come apart, cells are widened along their own surface instead, so
+//! that texture finer than the lens points does not turn into noise.
+
+use super::sheets::Sheet;
+use super::surfaces::CONNECTED_PX;
+use crate::picture::Size;
+use rayon::prelude::*;
+use std::borrow::Cow;
+
+/// Standard deviation of a cell's footprint as a fraction of the distance between the places it is drawn at.
+const FOOTPRINT: f32 = 0.5;
+/// The footprint table's entries per pixel of shift.
+const STEPS_PER_PX: f32 = 8.0;
+/// Neighbour distances of the widening passes.
+const REACHES: [usize; 4] = [1, 2, 4, 8];
+/// The largest weight of a neighbour in one pass; four of them leave a fifth to the cell itself.
+const MAX_WEIGHT: f32 = 0.2;
+
+/// Variance per axis that drawing a cell at fractions of a pixel adds under shift `t`.
+///
+/// A fraction `f` between two places adds `f (1 - f)`. Over the lens points of a disc its mean is
+/// `4 t / (3 pi) - t^2 / 4` up to one pixel and about 1/6 beyond.
+fn splat_variance(t: f32) -> f32 {
+    let beyond = 1.0 / 6.0;
+    if t >= 1.0 { beyond } else { (t * 4.0 / (3.0 * std::f32::consts::PI) - 0.25 * t * t).min(beyond) }
+}
+
+/// The variance to add to cells by their shift, negative where blur is to be undone.
+pub struct Footprint {
+    table: Vec<f32>,
+}
+
+impl Footprint {
+    /// For lens points that draw a cell under shift `t` at places `spacing(t)` pixels apart.
+    pub fn new(max_shift_px: f64, spacing: impl Fn(f64) -> f64) -> Footprint {
+        let entries = (max_shift_px as f32 * STEPS_PER_PX) as usize + 2;
+        let table = (0..entries)
+            .map(|i| {
+                let t = i as f32 / STEPS_PER_PX;
+                (FOOTPRINT * spacing(f64::from(t)) as f32).powi(2) - splat_variance(t)
+            })
+            .collect();
+        Footprint { table }
+    }
+
+    fn variance(&self, t: f32) -> f32 {
+        let at = t.abs() * STEPS_PER_PX;
+        let i = (at as usize).min(self.table.len() - 2);
+        self.table[i] + (at - i as f32).min(1.0) * (self.table[i + 1] - self.table[i])
+    }
+
+    /// Weight of the Laplacian that undoes the blur of a cell under shift `t`; zero where there is none to undo.
+    pub fn sharpening(&self, t: f32) -> f32 {
+        (-0.5 * self.variance(t)).max(0.0)
+    }
+
+    /// Widens the colours of a sheet where lens points are sparse.
+    pub fn widen(&self, sheet: &Sheet, color: &mut Cow<[f32]>, size: Size, s_focus: f64) {
+        if self.table.iter().all(|v| *v <= 0.0) {
+            return;
+        }
+        let n = size.pixels();
+        let shift = |s: f32| (f64::from(s) - s_focus) as f32;
+        let wanted: Vec<f32> =
+            sheet.s.par_iter().map(|&s| if s.is_nan() { 0.0 } else { self.variance(shift(s)).max(0.0) }).collect();
+        let most = wanted.par_iter().copied().reduce(|| 0.0, f32::max);
+
+        let mut done = 0.0f32;
+        for reach in REACHES {
+            if most <= done {
+                break;
+            }
+            // Weights w of neighbours at distance h add the variance 2 w h^2.
+            let per_weight = 2.0 * (reach * reach) as f32;
+            let color = color.to_mut();
+            let source = color.clone();
+            let pass = Pass { s: &sheet.s, wanted: &wanted, done, per_weight, reach, size };
+            color.par_chunks_mut(size.width).enumerate().for_each_init(
+                || vec![0.0; size.width],
+                |scratch, (row, out)| {
+                    let (c, y) = (row / size.height, row % size.height);
+                    pass.row(&source[c * n..][..n], y, scratch, out);
+                },
+            );
+            done += MAX_WEIGHT * per_weight;
+        }
+    }
+}
+
+/// One widening pass: diffusion to four neighbours at a distance, along each surface.
+struct Pass<'a> {
+    s: &'a [f32],
+    wanted: &'a [f32],
+    done: f32,
+    per_weight: f32,
+    reach: usize,
+    size: Size,
+}
+
+impl Pass<'_> {
+    /// The weight between two cells: the mean of what both want, so that no energy is lost; none across surfaces.
+    fn weight(&self, p: usize, q: usize) -> f32 {
+        let own = |i: usize| ((self.wanted[i] - self.done) / self.per_weight).clamp(0.0, MAX_WEIGHT);
+        let same = (self.s[p] - self.s[q]).abs() < CONNECTED_PX * self.reach as f32;
+        if same { 0.5 * (own(p) + own(q)) } else { 0.0 }
+    }
+
+    /// One row of one channel. Flows to the right are computed once, then given to both sides.
+    fn row(&self, source: &[f32], y: usize, scratch: &mut [f32], out: &mut [f32]) {
+        let (w, h, d) = (self.size.width, self.size.height, self.reach);
+        let flow = |p: usize, q: usize| self.weight(p, q) * (source[q] - source[p]);
+        let start = y * w;
+        scratch.fill(0.0);
+        for x in 0..w.saturating_sub(d) {
+            let f = flow(start + x, start + x + d);
+            scratch[x] += f;
+            scratch[x + d] -= f;
+        }
+        if y >= d {
+            for x in 0..w {
+                scratch[x] += flow(start + x, start + x - d * w);
+            }
+        }
+        if y + d < h {
+            for x in 0..w {
+                scratch[x] += flow(start + x, start + x + d * w);
+            }
+        }
+        for (x, out) in out.iter_mut().enumerate() {
+            *out = source[start + x] + scratch[x];
+        }
+    }
+}

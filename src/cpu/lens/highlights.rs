@@ -1,0 +1,308 @@
+//! Highlights: cells so bright that single lens points would show as dots in their discs.
+//!
+//! What such a cell has above its surroundings is taken out of the sheets and drawn as the exact, area-weighted
+//! opening; each pixel of it asks along its own ray whether something nearer is in the way.
+
+use super::kernels::Kernels;
+use super::pack::{BLOCK, Packed};
+use super::sheets::Sheets;
+use super::sweep::TileColor;
+use super::tiles::{IN_FOCUS_PX, Tile};
+use super::pack::TILE;
+use crate::picture::Size;
+use rayon::prelude::*;
+use std::borrow::Cow;
+
+/// A cell is a highlight when it is brighter than this many times its surroundings. A view of 512 then changes a
+/// pixel of the disc by one hundredth of the surroundings when it comes or goes.
+const BRIGHTER: f32 = 5.0;
+/// Blocks on each side whose mean is "the surroundings".
+const AROUND: usize = 2;
+
+/// The light of one cell above its surroundings, and its disc.
+pub struct Highlight {
+    /// Place in the padded frame.
+    x: i32,
+    y: i32,
+    /// Shift in pixels.
+    t: f64,
+    excess: [f32; 4],
+    /// Whether anything nearer may be in the way of some part of the disc.
+    hidden_in_part: bool,
+}
+
+/// Channels that hold light: coverage is not brighter or darker.
+fn light_channels(size: Size) -> usize {
+    size.channels.min(3)
+}
+
+/// Mean colour around each block: first of all cells, then of those not much brighter than that.
+struct Surroundings {
+    across: usize,
+    mean: Vec<[f32; 4]>,
+}
+
+impl Surroundings {
+    fn new(size: Size, color: &[f32]) -> Surroundings {
+        let across = size.width.div_ceil(BLOCK);
+        let all = Surroundings { across, mean: vec![[f32::INFINITY; 4]; across * size.height.div_ceil(BLOCK)] };
+        let once = all.refined(size, color);
+        once.refined(size, color)
+    }
+
+    fn at(&self, x: usize, y: usize) -> [f32; 4] {
+        self.mean[y / BLOCK * self.across + x / BLOCK]
+    }
+
+    /// The means of the cells that are no highlights against `self`.
+    fn refined(&self, size: Size, color: &[f32]) -> Surroundings {
+        let sums: Vec<([f32; 4], f32)> = (0..self.mean.len())
+            .into_par_iter()
+            .map(|b| {
+                let (x0, y0) = (b % self.across * BLOCK, b / self.across * BLOCK);
+                let (mut sum, mut count) = ([0.0f32; 4], 0.0);
+                let limit = BRIGHTER * self.mean[b][..light_channels(size)].iter().sum::<f32>();
+                for y in y0..(y0 + BLOCK).min(size.height) {
+                    for x in x0..(x0 + BLOCK).min(size.width) {
+                        let cell = cell_color(size, color, y * size.width + x);
+                        if cell[..light_channels(size)].iter().sum::<f32>() <= limit {
+                            sum.iter_mut().zip(cell).for_each(|(s, c)| *s += c);
+                            count += 1.0;
+                        }
+                    }
+                }
+                (sum, count)
+            })
+            .collect();
+        let down = self.mean.len() / self.across;
+        let mean = (0..self.mean.len())
+            .into_par_iter()
+            .map(|b| {
+                let (bx, by) = (b % self.across, b / self.across);
+                let (mut sum, mut count) = ([0.0f32; 4], 0.0f32);
+                for y in by.saturating_sub(AROUND)..(by + AROUND + 1).min(down) {
+                    for x in bx.saturating_sub(AROUND)..(bx + AROUND + 1).min(self.across) {
+                        let (s, n) = sums[y * self.across + x];
+                        sum.iter_mut().zip(s).for_each(|(sum, s)| *sum += s);
+                        count += n;
+                    }
+                }
+                sum.map(|s| s / count.max(1.0))
+            })
+            .collect();
+        Surroundings { across: self.across, mean }
+    }
+}
+
+fn cell_color(size: Size, color: &[f32], index: usize) -> [f32; 4] {
+    std::array::from_fn(|c| if c < size.channels { color[c * size.pixels() + index] } else { 0.0 })
+}
+
+/// Takes all highlights out of the sheets' colours.
+pub fn extract(sheets: &Sheets, color: &mut [Cow<[f32]>], packed: &Packed, s_focus: f64) -> Vec<Highlight> {
+    let size = sheets.size;
+    let lights = light_channels(size);
+    let surroundings = Surroundings::new(size, &sheets.sheets[0].color);
+    let mut highlights = Vec::new();
+    for (sheet, color) in sheets.sheets.iter().zip(color) {
+        let bright: Vec<(usize, [f32; 4])> = (0..size.pixels())
+            .into_par_iter()
+            .filter(|&i| !sheet.s[i].is_nan() && (f64::from(sheet.s[i]) - s_focus).abs() > IN_FOCUS_PX)
+            .filter_map(|i| {
+                let around = surroundings.at(i % size.width, i / size.width);
+                let cell = cell_color(size, color, i);
+                let brightness = |v: [f32; 4]| v[..lights].iter().sum::<f32>();
+                (brightness(cell) > BRIGHTER * brightness(around)).then(|| {
+                    let above = |c: usize| if c < lights { (cell[c] - around[c].max(0.0)).max(0.0) } else { 0.0 };
+                    (i, std::array::from_fn(above))
+                })
+            })
+            .collect();
+        if bright.is_empty() {
+            continue;
+        }
+        let color = color.to_mut();
+        for (index, excess) in bright {
+            for c in 0..lights {
+                color[c * size.pixels() + index] -= excess[c];
+            }
+            let area = match sheet.partial.binary_search_by_key(&index, |p| p.0) {
+                Ok(i) => sheet.partial[i].1.area,
+                Err(_) => 1.0,
+            };
+            let t = f64::from(sheet.s[index]) - s_focus;
+            let excess = excess.map(|e| area * e);
+            highlights.extend(images(packed, index, t).map(|(x, y)| Highlight { x, y, t, excess, hidden_in_part: false }));
+        }
+    }
+    highlights.par_iter_mut().for_each(|h| h.hidden_in_part = h.may_be_hidden(packed, s_focus));
+    highlights
+}
+
+/// A pixel and those of its mirror images whose discs reach into the frame, in padded coordinates.
+fn images(packed: &Packed, index: usize, t: f64) -> impl Iterator<Item = (i32, i32)> {
+    let padding = packed.padding;
+    let along = move |i: usize, n: usize| {
+        let (i, n, pad) = (i as i32, n as i32, padding.pad as i32);
+        let reach = t.abs().ceil() as i32 + 1;
+        // The picture repeats with period 2 n; each period holds the pixel and its mirror image.
+        let periods = (reach / (2 * n)) + 1;
+        (-periods..=periods)
+            .flat_map(move |p| [2 * n * p + i, 2 * n * p - 1 - i])
+            .filter(move |v| *v > -reach && *v < n + reach)
+            .map(move |v| v + pad)
+    };
+    let (x, y) = (index % padding.width, index / padding.width);
+    along(y, padding.height).flat_map(move |y| along(x, padding.width).map(move |x| (x, y)))
+}
+
+impl Highlight {
+    /// Whether some cell of the scene lies between the highlight and some point of the lens.
+    fn may_be_hidden(&self, packed: &Packed, s_focus: f64) -> bool {
+        let (blocks, codes) = (&packed.blocks, &packed.codes);
+        if self.is_covered(packed, s_focus, f64::INFINITY) {
+            return true;
+        }
+        let reach = packed.reach_px - self.t;
+        let range = |v: i32, n: usize| {
+            let first = (f64::from(v) - reach).max(0.0) as usize / BLOCK;
+            let last = ((f64::from(v) + reach).max(0.0) as usize / BLOCK).min(n / BLOCK - 1);
+            first..=last
+        };
+        let gap = |v: i32, b: usize| {
+            let (v, lo, hi) = (v as i64, (b * BLOCK) as i64, (b * BLOCK + BLOCK - 1) as i64);
+            (lo - v).max(v - hi).max(0) as f64
+        };
+        range(self.y, packed.padding.rows).any(|by| {
+            range(self.x, packed.padding.stride).any(|bx| {
+                let nearest = blocks.range[by * blocks.across + bx].1;
+                let in_front = codes.decode(f64::from(nearest)) - s_focus - self.t;
+                in_front > 0.5 && in_front + 1.5 >= gap(self.x, bx).hypot(gap(self.y, by))
+            })
+        })
+    }
+
+    /// Whether another sheet has a cell at the highlight's own pixel, in front of it by no more than `within` pixels.
+    fn is_covered(&self, packed: &Packed, s_focus: f64, within: f64) -> bool {
+        let cell = self.y as usize * packed.padding.stride + self.x as usize;
+        let own = packed.codes.encode((self.t + s_focus) as f32);
+        packed.sheets.iter().any(|sheet| {
+            let (lo, hi) = (sheet.lo[cell], sheet.hi[cell]);
+            lo <= hi && lo > own && f64::from(lo - own) * packed.codes.step() <= within
+        })
+    }
+
+    /// Whether the ray from the lens point `l` meets something before it meets the highlight.
+    fn is_hidden_from(&self, packed: &Packed, s_focus: f64, l: [f64; 2]) -> bool {
+        let longest = l[0].abs().max(l[1].abs());
+        if self.is_covered(packed, s_focus, 0.5 / longest) {
+            return true;
+        }
+        if longest == 0.0 {
+            return false;
+        }
+        let code_per_px = 1.0 / packed.codes.step();
+        // Step by step outwards from the highlight, a cell at a time along the longer axis.
+        let slope = [l[0] / longest, l[1] / longest];
+        let shift_per_step = 1.0 / longest;
+        let steps = ((packed.reach_px - self.t) * longest).ceil() as i32;
+        let start = packed.codes.encode((self.t + s_focus) as f32);
+        (1..=steps).any(|k| {
+            let (dx, dy) = (f64::from(k) * slope[0], f64::from(k) * slope[1]);
+            let (x, y) = (self.x + dx.round() as i32, self.y + dy.round() as i32);
+            let inside = (0..packed.padding.stride as i32).contains(&x) && (0..packed.padding.rows as i32).contains(&y);
+            if !inside {
+                return false;
+            }
+            let cell = y as usize * packed.padding.stride + x as usize;
+            let code = |k: f64| (f64::from(start) + k * shift_per_step * code_per_px).min(f64::from(u16::MAX)) as u16;
+            let (from, to) = (code(f64::from(k) - 0.5), code(f64::from(k) + 0.5));
+            packed.sheets.iter().any(|sheet| {
+                let (lo, hi) = (sheet.lo[cell], sheet.hi[cell]);
+                lo <= hi && hi >= from && lo < to && {
+                    // Where the ray passes this cell, from its centre: on the line through the highlight.
+                    let t_cell = packed.codes.decode(f64::from(lo)) - s_focus - self.t;
+                    let at = [l[0] * t_cell - dx.round(), l[1] * t_cell - dy.round()];
+                    sheet.partial.as_ref().is_none_or(|p| p.covers(cell, [at[0] as f32, at[1] as f32]))
+                }
+            })
+        })
+    }
+
+    /// Adds the part of the disc that lies in a tile.
+    fn draw(&self, packed: &Packed, s_focus: f64, kernels: &Kernels, origin: (usize, usize), out: &mut TileColor) {
+        let pad = packed.padding.pad as i32;
+        // The highlight in the tile's coordinates; a pixel p sees it at the offset q - p of the kernel.
+        let (qx, qy) = (self.x - pad - origin.0 as i32, self.y - pad - origin.1 as i32);
+        let kernel = kernels.get(self.t);
+        for row in &kernel.rows {
+            let y = qy - row.dy;
+            if !(0..TILE.1 as i32).contains(&y) {
+                continue;
+            }
+            let mut add = |x: i32, dx: i32, weight: f32| {
+                let l = [f64::from(dx) / self.t, f64::from(row.dy) / self.t];
+                if self.hidden_in_part && self.is_hidden_from(packed, s_focus, l) {
+                    return;
+                }
+                for (plane, e) in out.planes.iter_mut().zip(self.excess) {
+                    plane[y as usize * TILE.0 + x as usize] += weight * e;
+                }
+            };
+            // Pixels qx - dx for dx in the run, cut to the tile.
+            let first = (qx - row.run.1 + 1).max(0);
+            let end = (qx - row.run.0 + 1).min(TILE.0 as i32);
+            for x in first..end {
+                add(x, qx - x, kernel.run_weight);
+            }
+            for &(dx, weight) in &row.partial {
+                let x = qx - dx;
+                if (0..TILE.0 as i32).contains(&x) {
+                    add(x, dx, weight);
+                }
+            }
+        }
+    }
+}
+
+/// The highlights of a frame, by the tiles that their discs reach.
+pub struct Highlights {
+    all: Vec<Highlight>,
+    /// For each tile, the highlights that reach it, in order.
+    by_tile: Vec<Vec<u32>>,
+}
+
+impl Highlights {
+    /// Sorts highlights into tiles.
+    pub fn new(all: Vec<Highlight>, packed: &Packed, tiles: &[Tile]) -> Highlights {
+        let (across, pad) = (packed.padding.width.div_ceil(TILE.0), packed.padding.pad as i32);
+        let mut by_tile = vec![Vec::new(); tiles.len()];
+        let down = tiles.len() / across;
+        for (i, h) in all.iter().enumerate() {
+            let reach = h.t.abs().ceil() as i32 + 1;
+            let range = |v: i32, side: usize, n: usize| {
+                let first = (v - pad - reach).max(0) as usize / side;
+                let end = ((v - pad + reach).max(-1) + side as i32) as usize / side;
+                first..end.min(n)
+            };
+            for ty in range(h.y, TILE.1, down) {
+                for tx in range(h.x, TILE.0, across) {
+                    by_tile[ty * across + tx].push(i as u32);
+                }
+            }
+        }
+        Highlights { all, by_tile }
+    }
+
+    /// The shifts that discs are needed for.
+    pub fn shifts(&self) -> impl Iterator<Item = f64> + '_ {
+        self.all.iter().map(|h| h.t)
+    }
+
+    /// Draws all that reaches tile number `tile`.
+    pub fn draw(&self, tile: usize, origin: (usize, usize), packed: &Packed, s_focus: f64, kernels: &Kernels, out: &mut TileColor) {
+        for &i in &self.by_tile[tile] {
+            self.all[i as usize].draw(packed, s_focus, kernels, origin, out);
+        }
+    }
+}
