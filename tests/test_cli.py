@@ -135,17 +135,32 @@ def test_render_passes_every_option_on(scene, monkeypatch):
     }  # fmt: skip
 
 
+def test_an_input_under_another_name_is_not_overwritten(scene, tmp_path, capsys):
+    (tmp_path / "link.exr").symlink_to(tmp_path / "a.exr")
+    assert "link.exr: is one of the inputs" in fails(
+        capsys, 2, "render", "a.exr", "-o", "link.exr", *LENS_OPTIONS
+    )
+
+
 def test_render_of_alpha(scene, monkeypatch):
     color, depth = scene
     cover = np.full((HEIGHT, WIDTH, 1), 0.5, np.float32)
+    cover[10:30, 20:40] = 0.25
     io.write_image("alpha.exr", np.concatenate([color * cover, cover], axis=-1), depth=depth)
     assert run(["render", "alpha.exr", "-o", "o.exr", *LENS_OPTIONS]) == 0
     result = io.read_color("o.exr")
     assert result.alpha == "premultiplied"
-    np.testing.assert_allclose(result.pixels[..., 3], 0.5, atol=1e-3)
+    expected = dofsim.render(
+        io.read_color("alpha.exr").pixels, depth, dofsim.Lens(**LENS), alpha="premultiplied"
+    )
+    np.testing.assert_array_equal(result.pixels, expected)
+    stated = []
+    real = dofsim.render
+    monkeypatch.setattr(dofsim, "render", lambda *a, **o: (stated.append(o["alpha"]), real(*a, **o))[1])
     assert run(["render", "alpha.exr", "-o", "s.exr", *LENS_OPTIONS, "--alpha", "straight"]) == 0
+    assert stated == ["premultiplied"]
     straight = io.read_color("s.exr").pixels
-    np.testing.assert_allclose(straight[..., :3].mean(), result.pixels[..., :3].mean() / 2, rtol=0.02)
+    np.testing.assert_allclose(straight[34:, :, :3], result.pixels[34:, :, :3] / 2, atol=1e-3)
 
 
 def test_depth_channel_and_layer(scene):
@@ -330,6 +345,14 @@ def test_compare_prints_the_metrics(scene, capsys):
     expected = "PSNR {:.2f} dB, SSIM {:.4f}, FLIP {:.4f}\n".format(*values)
     assert capsys.readouterr().out == expected
     assert run(["compare", "a.exr", "a.exr"]) == 0
+    assert capsys.readouterr().out == "PSNR inf dB, SSIM 1.0000, FLIP 0.0000\n"
+
+
+def test_compare_of_pictures_with_alpha(scene, capsys):
+    color, _ = scene
+    cover = np.full((HEIGHT, WIDTH, 1), 0.5, np.float32)
+    io.write_image("cover.exr", np.concatenate([color, cover], axis=-1))
+    assert run(["compare", "a.exr", "cover.exr"]) == 0
     assert capsys.readouterr().out == "PSNR inf dB, SSIM 1.0000, FLIP 0.0000\n"
 
 

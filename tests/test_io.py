@@ -311,6 +311,9 @@ def test_numpy_files_of_other_layouts(tmp_path, rng):
     np.save(path, np.asfortranarray(depth).astype(">f8"))
     np.testing.assert_array_equal(io.read_depth(path), depth.astype(np.float32))
     assert io.read_depth(path).dtype == np.dtype("=f4")
+    image = io.read_color(path)
+    assert image.pixels.dtype == np.dtype("=f8")
+    np.testing.assert_array_equal(image.pixels, depth)
 
 
 def test_npz_holds_picture_and_depth(tmp_path, rng):
@@ -343,8 +346,8 @@ def test_depth_in_sixteen_bit_png_has_a_scale(tmp_path):
     path = tmp_path / "a.png"
     assert cv2.imwrite(str(path), np.array([[256, 1280]], np.uint16))
     np.testing.assert_array_equal(io.read_depth(path, scale=1 / 256), [[1.0, 5.0]])
-    io.write_depth(path, np.array([[1.0, 5.0]]), scale=0.001)
-    np.testing.assert_array_equal(cv2.imread(str(path), -1), [[1000, 5000]])
+    io.write_depth(path, np.array([[1.0, 5.0007]]), scale=0.001)
+    np.testing.assert_array_equal(cv2.imread(str(path), -1), [[1000, 5001]])
     with pytest.raises(ValueError, match="65535"):
         io.write_depth(path, np.array([[np.inf]]), scale=0.001)
     with pytest.raises(ValueError, match="scale"):
