@@ -180,6 +180,19 @@ def test_dwa_block_that_claims_huge_sections(tmp_path, counter):
         io.read_depth(path)
 
 
+def test_exr_that_stores_one_block_twice_and_another_never(tmp_path):
+    path = tmp_path / "a.exr"
+    header, channels = exr("NO")
+    with OpenEXR.File(header, channels) as file:
+        file.write(str(path))
+    data = bytearray(path.read_bytes())
+    end = data.index(b"scanlineimage\0") + len(b"scanlineimage\0")
+    data[end + 8 : end + 16] = data[end : end + 8]
+    path.write_bytes(data)
+    with pytest.raises(ValueError, match="stored twice, another one never"):
+        io.read_depth(path)
+
+
 @pytest.mark.parametrize(
     ("start", "found"),
     [
