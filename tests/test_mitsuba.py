@@ -1,8 +1,8 @@
 """dofsim against Mitsuba's thin lens, on small pictures of the project's own scenes.
 
 The pictures are rendered with Mitsuba's scalar variant, which needs nothing but its wheel, from fixed seeds.
-The reference comes as two halves with different seeds: how far they differ tells its noise, which is taken off
-before a bound is applied, so that the bounds speak of dofsim alone.
+The reference comes as two halves with different seeds: how far they differ tells its noise, which is taken
+off before a bound is applied, so that the bounds speak of dofsim alone.
 """
 
 import importlib

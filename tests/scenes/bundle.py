@@ -40,7 +40,7 @@ RECIPES = {
     "hair": Recipe(),
     "lights": Recipe(lamp_spp=256),
     "plane": Recipe(),
-    "room": Recipe(pinhole_spp=1024, half_spp=1024, peel_spp=16, max_depth=4),
+    "room": Recipe(pinhole_spp=400, half_spp=784, peel_spp=16, max_depth=4),
 }
 
 
