@@ -28,7 +28,7 @@ class Recipe:
     """
 
     pinhole_spp: int = 256
-    half_spp: int = 2304
+    half_spp: int = 1024
     lamp_spp: int = 64
     peel_spp: int = 1
     max_depth: int = 1
