@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 RADIUS_STEP_PX = 0.25
 
 
-def disc(radius_px: float, strips: int = 64) -> NDArray[np.float64]:
+def disc(radius_px: float, strips: int = 256) -> NDArray[np.float64]:
     """Area of each pixel that a disc about the middle pixel's centre covers, as a share of the disc."""
     if radius_px == 0.0:
         return np.ones((1, 1))

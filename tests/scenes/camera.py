@@ -1,7 +1,6 @@
 """The camera and lens of a scene, in Mitsuba's own words."""
 
 from dataclasses import asdict, dataclass
-from math import radians, tan
 
 
 @dataclass(frozen=True)
@@ -16,8 +15,3 @@ class Camera:
     def settings(self) -> dict[str, float | str]:
         """Give the fields by name, as `dofsim.Lens` takes them."""
         return asdict(self)
-
-    def coc_radius_px(self, depth, width: int):
-        """Radius in pixels of the circle of confusion, positive behind the focus plane; `fov` along x."""
-        focal_px = 0.5 * width / tan(radians(0.5 * self.fov))
-        return self.aperture_radius * focal_px * (1.0 / self.focus_distance - 1.0 / depth)

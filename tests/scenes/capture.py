@@ -25,16 +25,35 @@ class Capture:
         The lens; the pinhole has the same place and field of view.
     max_depth : int
         Path length of Mitsuba's path tracer; 1 shows nothing but what shines by itself.
+    lamps : dict, optional
+        Further objects, tiny and bright. A path from the camera seldom meets one, so what they send straight
+        into the lens is traced from them to it, and they light nothing else.
     """
 
-    def __init__(self, shapes: dict[str, Any], camera: Camera, max_depth: int = 1) -> None:
+    def __init__(
+        self,
+        shapes: dict[str, Any],
+        camera: Camera,
+        max_depth: int = 1,
+        lamps: dict[str, Any] | None = None,
+    ) -> None:
         self.camera = camera
         self.shaded = max_depth > 1
-        self.scene = mi.load_dict(
+        self.scene = self._load({**shapes, **(lamps or {})}, max_depth)
+        self.without_lamps = self.scene
+        self.only_lamps = None
+        if lamps:
+            self.without_lamps = self._load({**shapes, **_dark(lamps)}, max_depth)
+            self.only_lamps = self._load({**_dark(shapes), **lamps}, max_depth)
+
+    def _load(self, shapes: dict[str, Any], max_depth: int):
+        return mi.load_dict(
             {"type": "scene", "integrator": {"type": "path", "max_depth": max_depth}, **shapes}
         )
 
-    def _sensor(self, kind: str, width: int, height: int, film: dict[str, int] | None = None):
+    def _sensor(
+        self, kind: str, width: int, height: int, film: dict[str, int] | None = None, sampler="multijitter"
+    ):
         lens = (
             {"aperture_radius": self.camera.aperture_radius, "focus_distance": self.camera.focus_distance}
             if kind == "thinlens"
@@ -56,7 +75,7 @@ class Capture:
                     "rfilter": {"type": "box"},
                     **(film or {}),
                 },
-                "sampler": {"type": "multijitter"},
+                "sampler": {"type": sampler},
                 **lens,
             }
         )
@@ -69,16 +88,42 @@ class Capture:
         for top in range(0, height, rows):
             band = {"crop_offset_y": top, "crop_height": min(rows, height - top), "crop_width": width}
             sensor = self._sensor(kind, width, height, film=band)
-            bands.append(np.array(mi.render(self.scene, sensor=sensor, spp=spp, seed=seed * 100_003 + top)))
+            bands.append(
+                np.array(mi.render(self.without_lamps, sensor=sensor, spp=spp, seed=seed * 100_003 + top))
+            )
         return np.concatenate(bands).astype(np.float32)
 
-    def pinhole(self, width: int, height: int, spp: int, seed: int = 0) -> Array:
-        """Render (height, width, 3) linear colours through a pinhole, averaged over each pixel's square."""
-        return self._render("perspective", width, height, spp, seed)
+    def _render_lamps(self, kind: str, width: int, height: int, spp: int, seed: int) -> Array:
+        sensor = self._sensor(kind, width, height, sampler="independent")
+        tracer = mi.load_dict({"type": "ptracer", "max_depth": 1})
+        launches = -(-spp * width * height // SAMPLES_PER_LAUNCH)
+        total = np.zeros((height, width, 3))
+        for launch in range(launches):
+            launch_seed = seed * 100_003 + launch
+            total += np.array(
+                mi.render(
+                    self.only_lamps,
+                    sensor=sensor,
+                    integrator=tracer,
+                    spp=-(-spp // launches),
+                    seed=launch_seed,
+                )
+            )
+        return (total / launches).astype(np.float32)
 
-    def thin_lens(self, width: int, height: int, spp: int, seed: int = 1) -> Array:
+    def _take(self, kind: str, width: int, height: int, spp: int, lamp_spp: int, seed: int) -> Array:
+        picture = self._render(kind, width, height, spp, seed)
+        if self.only_lamps is None:
+            return picture
+        return picture + self._render_lamps(kind, width, height, lamp_spp, seed)
+
+    def pinhole(self, width: int, height: int, spp: int, lamp_spp: int = 256, seed: int = 0) -> Array:
+        """Render (height, width, 3) linear colours through a pinhole, averaged over each pixel's square."""
+        return self._take("perspective", width, height, spp, lamp_spp, seed)
+
+    def thin_lens(self, width: int, height: int, spp: int, lamp_spp: int = 256, seed: int = 1) -> Array:
         """Render (height, width, 3) linear colours through the lens, averaged over each pixel's square."""
-        return self._render("thinlens", width, height, spp, seed)
+        return self._take("thinlens", width, height, spp, lamp_spp, seed)
 
     def peel(self, width: int, height: int, layers: int, spp: int = 1, seed: int = 2) -> tuple[Array, Array]:
         """Sample the surfaces one behind another along the ray through each pixel's centre.
@@ -117,8 +162,10 @@ class Capture:
             if not hit.is_valid():
                 break
             if hit.wi.z > 0.0:
-                paths = [self.scene.integrator().sample(self.scene, sampler, ray)[0] for _ in range(spp)]
-                surfaces.append((np.mean([np.array(p) for p in paths], axis=0), hit.p.z))
+                rgb = mi.Color3f(0.0)
+                for _ in range(spp):
+                    rgb += self.scene.integrator().sample(self.scene, sampler, ray)[0] / spp
+                surfaces.append((rgb, hit.p.z))
             ray = hit.spawn_ray(ray.d)
         return surfaces
 
@@ -159,3 +206,18 @@ class Capture:
             total += self.scene.integrator().sample(self.scene, sampler, ray, active=active)[0]
             dr.eval(total)
         return np.array(total / spp).T
+
+
+def _dark(shapes: dict[str, Any]) -> dict[str, Any]:
+    """Give the shapes without their light; what is light only, as a sky, is left out."""
+    geometry = {
+        name: shape
+        for name, shape in shapes.items()
+        if not isinstance(shape, dict) or shape["type"] != "envmap"
+    }
+    return {
+        name: {key: value for key, value in shape.items() if key != "emitter"}
+        if isinstance(shape, dict)
+        else shape
+        for name, shape in geometry.items()
+    }

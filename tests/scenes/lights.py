@@ -16,7 +16,6 @@ NEAR = [(0.16, -0.24, 1.60), (-0.46, 0.30, 1.75), (0.30, 0.05, 1.90)]
 
 
 def shapes() -> dict[str, Any]:
-    rng = np.random.default_rng(5)
     facade = 0.10 * weathered(blend(checks(1024, 1024, 18, 12), (0.15, 0.18, 0.30), (0.75, 0.60, 0.45)), 3)
     road = 0.12 * weathered(blend(wave(1024, 1024, 7, 3), (0.20, 0.20, 0.24), (0.70, 0.60, 0.50)), 7)
     bark = 0.10 * weathered(
@@ -34,6 +33,12 @@ def shapes() -> dict[str, Any]:
         "kiosk": box(-1.50, -0.10, 7.50, (0.45, 0.42, 0.40), glow(cloth), turn=-25.0),
         "dome": sphere(1.70, 0.00, 9.00, 0.60, glow(cloth), turn=70.0),
     }
+    return scene
+
+
+def lamps() -> dict[str, Any]:
+    rng = np.random.default_rng(5)
+    scene: dict[str, Any] = {}
 
     def add_lamp(name: str, right: float, up: float, z: float, diameter_px: float, radiance: float) -> None:
         # The apparent size is set at the nominal width of 512 pixels, where one pixel is z / 667 metres.

@@ -119,15 +119,36 @@ def tubes(paths: list[np.ndarray], radius: float, look: Shape, sides: int = 6) -
         a, b = start + corner * sides + around, start + corner * sides + (around + 1) % sides
         c, d = a + sides, b + sides
         faces.append(np.stack([a, b, d, a, d, c], axis=-1).reshape(-1, 3))
-    mesh = mi.Mesh("tubes", sum(map(len, positions)), sum(map(len, faces)), has_vertex_texcoords=True)
-    data = mi.traverse(mesh)
-    data["vertex_positions"] = np.concatenate(positions).astype(np.float32).ravel()
-    data["vertex_texcoords"] = np.concatenate(texcoords).astype(np.float32).ravel()
-    data["faces"] = np.concatenate(faces).astype(np.uint32).ravel()
+    return mesh(np.concatenate(positions), np.concatenate(texcoords), np.concatenate(faces), look)
+
+
+def turned(profile: np.ndarray, place: "mi.ScalarTransform4f", look: Shape, sides: int = 64) -> Shape:
+    """Make one smooth mesh by turning a profile of (radius, height) points about the vertical."""
+    angles = 2.0 * np.pi * np.arange(sides + 1) / sides
+    rows = len(profile)
+    radius, height = profile[:, :1], np.broadcast_to(profile[:, 1:], (rows, sides + 1))
+    positions = np.stack([radius * np.cos(angles), height, radius * np.sin(angles)], axis=-1)
+    across, along = np.meshgrid(angles / (2.0 * np.pi), np.linspace(0.0, 1.0, rows))
+    corner, around = np.mgrid[0 : rows - 1, 0:sides]
+    a = corner * (sides + 1) + around
+    c = a + sides + 1
+    faces = np.stack([a, c, c + 1, a, c + 1, a + 1], axis=-1)
+    texcoords = np.stack([across, along], axis=-1)
+    return mesh(positions, texcoords, faces, {"to_world": place, **look}, smooth=True)
+
+
+def mesh(
+    positions: np.ndarray, texcoords: np.ndarray, faces: np.ndarray, look: Shape, smooth: bool = False
+) -> Shape:
+    """Load arrays of (..., 3) positions, (..., 2) texture coordinates and (..., 3) corners as one shape."""
+    built = mi.Mesh("mesh", positions.size // 3, faces.size // 3, has_vertex_texcoords=True)
+    data = mi.traverse(built)
+    data["vertex_positions"] = positions.astype(np.float32).ravel()
+    data["vertex_texcoords"] = texcoords.astype(np.float32).ravel()
+    data["faces"] = faces.astype(np.uint32).ravel()
     data.update()
     # Looks attach to shapes that Mitsuba loads, so the mesh makes a detour over a file.
-    path = Path(tempfile.mkstemp(suffix=".ply")[1])
-    mesh.write_ply(str(path))
-    loaded = mi.load_dict({"type": "ply", "filename": str(path), "face_normals": True, **look})
-    path.unlink()
-    return loaded
+    with tempfile.TemporaryDirectory() as folder:
+        path = str(Path(folder) / "mesh.ply")
+        built.write_ply(path)
+        return mi.load_dict({"type": "ply", "filename": path, "face_normals": not smooth, **look})

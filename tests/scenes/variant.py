@@ -31,4 +31,6 @@ def choose_variant(wanted: str | None = None) -> str:
     if variant.startswith("llvm") and llvm:
         os.environ["DRJIT_LIBLLVM_PATH"] = str(llvm)
     mi.set_variant(variant)
+    # Progress bars would tear what the caller prints; errors are raised all the same.
+    mi.logger().clear_appenders()
     return variant
