@@ -11,13 +11,15 @@ use rayon::prelude::*;
 use std::borrow::Cow;
 
 /// Standard deviation of a cell's footprint as a fraction of the distance between the places it is drawn at.
-const FOOTPRINT: f32 = 0.5;
+const FOOTPRINT: f32 = 0.35;
 /// The footprint table's entries per pixel of shift.
 const STEPS_PER_PX: f32 = 8.0;
-/// Neighbour distances of the widening passes.
-const REACHES: [usize; 4] = [1, 2, 4, 8];
 /// The largest weight of a neighbour in one pass; four of them leave a fifth to the cell itself.
 const MAX_WEIGHT: f32 = 0.2;
+/// The variance that weighing the four direct neighbours can add.
+const NEXT_CELLS: f32 = 2.0 * MAX_WEIGHT;
+/// Neighbour distances of the widening passes beyond that.
+const REACHES: [usize; 4] = [2, 4, 8, 16];
 
 /// Variance per axis that drawing a cell at fractions of a pixel adds under shift `t`.
 ///
@@ -52,20 +54,21 @@ impl Footprint {
         self.table[i] + (at - i as f32).min(1.0) * (self.table[i + 1] - self.table[i])
     }
 
-    /// Weight of the Laplacian that undoes the blur of a cell under shift `t`; zero where there is none to undo.
+    /// How much of the Laplacian to subtract from a cell under shift `t`: positive where blur is to be undone,
+    /// negative where the cell is to be widened by as much as its direct neighbours allow.
     pub fn sharpening(&self, t: f32) -> f32 {
-        (-0.5 * self.variance(t)).max(0.0)
+        -0.5 * self.variance(t).min(NEXT_CELLS)
     }
 
-    /// Widens the colours of a sheet where lens points are sparse.
+    /// Widens the colours of a sheet where lens points are sparser than [`Footprint::sharpening`] can make up for.
     pub fn widen(&self, sheet: &Sheet, color: &mut Cow<[f32]>, size: Size, s_focus: f64) {
-        if self.table.iter().all(|v| *v <= 0.0) {
+        if self.table.iter().all(|v| *v <= NEXT_CELLS) {
             return;
         }
         let n = size.pixels();
         let shift = |s: f32| (f64::from(s) - s_focus) as f32;
         let wanted: Vec<f32> =
-            sheet.s.par_iter().map(|&s| if s.is_nan() { 0.0 } else { self.variance(shift(s)).max(0.0) }).collect();
+            sheet.s.par_iter().map(|&s| if s.is_nan() { 0.0 } else { (self.variance(shift(s)) - NEXT_CELLS).max(0.0) }).collect();
         let most = wanted.par_iter().copied().reduce(|| 0.0, f32::max);
 
         let mut done = 0.0f32;

@@ -36,95 +36,136 @@ fn light_channels(size: Size) -> usize {
     size.channels.min(3)
 }
 
-/// Mean colour around each block: first of all cells, then of those not much brighter than that.
+/// How bright each cell is.
+fn brightness(size: Size, color: &[f32]) -> Vec<f32> {
+    let n = size.pixels();
+    let mut sum = color[..n].to_vec();
+    for c in 1..light_channels(size) {
+        sum.par_iter_mut().zip(&color[c * n..][..n]).for_each(|(sum, v)| *sum += v);
+    }
+    sum
+}
+
+/// Cells of a block that count as surroundings.
+#[derive(Clone, Copy, Default)]
+struct Count {
+    sum: f32,
+    cells: f32,
+}
+
+/// Brightness around each block: first of all cells, then of those not much brighter than that.
 struct Surroundings {
     across: usize,
-    mean: Vec<[f32; 4]>,
+    down: usize,
+    mean: Vec<f32>,
 }
 
 impl Surroundings {
-    fn new(size: Size, color: &[f32]) -> Surroundings {
-        let across = size.width.div_ceil(BLOCK);
-        let all = Surroundings { across, mean: vec![[f32::INFINITY; 4]; across * size.height.div_ceil(BLOCK)] };
-        let once = all.refined(size, color);
-        once.refined(size, color)
+    fn new(size: Size, bright: &[f32]) -> Surroundings {
+        let (across, down) = (size.width.div_ceil(BLOCK), size.height.div_ceil(BLOCK));
+        let all = Surroundings { across, down, mean: vec![f32::INFINITY; across * down] };
+        all.refined(size, bright).refined(size, bright)
     }
 
-    fn at(&self, x: usize, y: usize) -> [f32; 4] {
-        self.mean[y / BLOCK * self.across + x / BLOCK]
+    /// What is brighter than this is a highlight of the block.
+    fn limit(&self, block: usize) -> f32 {
+        BRIGHTER * self.mean[block]
+    }
+
+    /// The blocks around a block, itself among them.
+    fn around(&self, b: usize) -> impl Iterator<Item = usize> + '_ {
+        let (bx, by) = (b % self.across, b / self.across);
+        let columns = bx.saturating_sub(AROUND)..(bx + AROUND + 1).min(self.across);
+        let rows = by.saturating_sub(AROUND)..(by + AROUND + 1).min(self.down);
+        rows.flat_map(move |y| columns.clone().map(move |x| y * self.across + x))
+    }
+
+    /// The indices of a block's cells, row by row.
+    fn cells(&self, size: Size, b: usize) -> impl Iterator<Item = std::ops::Range<usize>> {
+        let (x0, y0) = (b % self.across * BLOCK, b / self.across * BLOCK);
+        let x1 = (x0 + BLOCK).min(size.width);
+        (y0..(y0 + BLOCK).min(size.height)).map(move |y| y * size.width + x0..y * size.width + x1)
     }
 
     /// The means of the cells that are no highlights against `self`.
-    fn refined(&self, size: Size, color: &[f32]) -> Surroundings {
-        let sums: Vec<([f32; 4], f32)> = (0..self.mean.len())
-            .into_par_iter()
-            .map(|b| {
-                let (x0, y0) = (b % self.across * BLOCK, b / self.across * BLOCK);
-                let (mut sum, mut count) = ([0.0f32; 4], 0.0);
-                let limit = BRIGHTER * self.mean[b][..light_channels(size)].iter().sum::<f32>();
-                for y in y0..(y0 + BLOCK).min(size.height) {
-                    for x in x0..(x0 + BLOCK).min(size.width) {
-                        let cell = cell_color(size, color, y * size.width + x);
-                        if cell[..light_channels(size)].iter().sum::<f32>() <= limit {
-                            sum.iter_mut().zip(cell).for_each(|(s, c)| *s += c);
-                            count += 1.0;
-                        }
-                    }
-                }
-                (sum, count)
-            })
-            .collect();
-        let down = self.mean.len() / self.across;
-        let mean = (0..self.mean.len())
-            .into_par_iter()
-            .map(|b| {
-                let (bx, by) = (b % self.across, b / self.across);
-                let (mut sum, mut count) = ([0.0f32; 4], 0.0f32);
-                for y in by.saturating_sub(AROUND)..(by + AROUND + 1).min(down) {
-                    for x in bx.saturating_sub(AROUND)..(bx + AROUND + 1).min(self.across) {
-                        let (s, n) = sums[y * self.across + x];
-                        sum.iter_mut().zip(s).for_each(|(sum, s)| *sum += s);
-                        count += n;
-                    }
-                }
-                sum.map(|s| s / count.max(1.0))
-            })
-            .collect();
-        Surroundings { across: self.across, mean }
+    fn refined(&self, size: Size, bright: &[f32]) -> Surroundings {
+        let count = |b: usize| {
+            let limit = self.limit(b);
+            let mut count = Count::default();
+            for &v in self.cells(size, b).flat_map(|row| &bright[row]) {
+                let counts = f32::from(v <= limit);
+                count.sum += if v <= limit { v } else { 0.0 };
+                count.cells += counts;
+            }
+            count
+        };
+        let counts: Vec<Count> = (0..self.mean.len()).into_par_iter().map(count).collect();
+        let mean = |b: usize| {
+            let (sum, cells) =
+                self.around(b).fold((0.0, 0.0f32), |(s, n), q| (s + counts[q].sum, n + counts[q].cells));
+            sum / cells.max(1.0)
+        };
+        Surroundings { mean: (0..self.mean.len()).into_par_iter().map(mean).collect(), ..*self }
     }
-}
 
-fn cell_color(size: Size, color: &[f32], index: usize) -> [f32; 4] {
-    std::array::from_fn(|c| if c < size.channels { color[c * size.pixels() + index] } else { 0.0 })
+    /// Mean colour of what is no highlight around a block.
+    fn color(&self, size: Size, color: &[f32], bright: &[f32], b: usize) -> [f32; 4] {
+        let (mut sum, mut cells) = ([0.0f32; 4], 0.0f32);
+        for i in self.around(b).flat_map(|q| self.cells(size, q)).flatten() {
+            if bright[i] <= self.limit(b) {
+                cells += 1.0;
+                for c in 0..light_channels(size) {
+                    sum[c] += color[c * size.pixels() + i];
+                }
+            }
+        }
+        sum.map(|s| (s / cells.max(1.0)).max(0.0))
+    }
 }
 
 /// Takes all highlights out of the sheets' colours.
 pub fn extract(sheets: &Sheets, color: &mut [Cow<[f32]>], packed: &Packed, s_focus: f64) -> Vec<Highlight> {
-    let size = sheets.size;
+    let (size, n) = (sheets.size, sheets.size.pixels());
     let lights = light_channels(size);
-    let surroundings = Surroundings::new(size, &sheets.sheets[0].color);
+    let front = &sheets.sheets[0].color;
+    let front_bright = brightness(size, front);
+    let surroundings = Surroundings::new(size, &front_bright);
     let mut highlights = Vec::new();
-    for (sheet, color) in sheets.sheets.iter().zip(color) {
-        let bright: Vec<(usize, [f32; 4])> = (0..size.pixels())
+    for (i, (sheet, color)) in sheets.sheets.iter().zip(color).enumerate() {
+        let own;
+        let bright = if i == 0 {
+            &front_bright
+        } else {
+            own = brightness(size, &sheet.color);
+            &own
+        };
+        let is_highlight = |i: usize, limit: f32| {
+            // An empty cell has a shift of NaN, which compares false.
+            bright[i] > limit && (f64::from(sheet.s[i]) - s_focus).abs() > IN_FOCUS_PX
+        };
+        let found: Vec<(usize, [f32; 4])> = (0..surroundings.mean.len())
             .into_par_iter()
-            .filter(|&i| !sheet.s[i].is_nan() && (f64::from(sheet.s[i]) - s_focus).abs() > IN_FOCUS_PX)
-            .filter_map(|i| {
-                let around = surroundings.at(i % size.width, i / size.width);
-                let cell = cell_color(size, color, i);
-                let brightness = |v: [f32; 4]| v[..lights].iter().sum::<f32>();
-                (brightness(cell) > BRIGHTER * brightness(around)).then(|| {
-                    let above = |c: usize| if c < lights { (cell[c] - around[c].max(0.0)).max(0.0) } else { 0.0 };
-                    (i, std::array::from_fn(above))
-                })
+            .flat_map_iter(|b| {
+                let limit = surroundings.limit(b);
+                let cells = surroundings.cells(size, b).flatten();
+                let found: Vec<usize> = cells.filter(|&i| is_highlight(i, limit)).collect();
+                let around = match found.is_empty() {
+                    true => [0.0; 4],
+                    false => surroundings.color(size, front, &front_bright, b),
+                };
+                let excess = move |i: usize| -> [f32; 4] {
+                    std::array::from_fn(|c| if c < lights { (sheet.color[c * n + i] - around[c]).max(0.0) } else { 0.0 })
+                };
+                found.into_iter().map(move |i| (i, excess(i)))
             })
             .collect();
-        if bright.is_empty() {
+        if found.is_empty() {
             continue;
         }
         let color = color.to_mut();
-        for (index, excess) in bright {
+        for (index, excess) in found {
             for c in 0..lights {
-                color[c * size.pixels() + index] -= excess[c];
+                color[c * n + index] -= excess[c];
             }
             let area = match sheet.partial.binary_search_by_key(&index, |p| p.0) {
                 Ok(i) => sheet.partial[i].1.area,
@@ -132,7 +173,8 @@ pub fn extract(sheets: &Sheets, color: &mut [Cow<[f32]>], packed: &Packed, s_foc
             };
             let t = f64::from(sheet.s[index]) - s_focus;
             let excess = excess.map(|e| area * e);
-            highlights.extend(images(packed, index, t).map(|(x, y)| Highlight { x, y, t, excess, hidden_in_part: false }));
+            highlights
+                .extend(images(packed, index, t).map(|(x, y)| Highlight { x, y, t, excess, hidden_in_part: false }));
         }
     }
     highlights.par_iter_mut().for_each(|h| h.hidden_in_part = h.may_be_hidden(packed, s_focus));

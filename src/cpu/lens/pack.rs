@@ -42,6 +42,11 @@ impl Padding {
         (y + self.pad) * self.stride + x + self.pad
     }
 
+    /// The frame column that each padded column mirrors.
+    fn columns(&self) -> Vec<usize> {
+        (0..self.stride).map(|px| self.column(px).0).collect()
+    }
+
     /// The frame column that padded column `px` mirrors, and whether it is a mirror image.
     fn column(&self, px: usize) -> (usize, bool) {
         mirrored(px as i64 - self.pad as i64, self.width)
@@ -218,10 +223,15 @@ fn extents(sheets: &Sheets, sheet: usize, y: usize, codes: &Codes, lo: &mut [u16
 }
 
 /// Copies what lies inside the frame to its mirror images on both sides.
-fn mirror_row<T: Copy>(padding: &Padding, row: &mut [T]) {
+fn mirror_row<T: Copy>(padding: &Padding, columns: &[usize], row: &mut [T]) {
     for px in (0..padding.pad).chain(padding.pad + padding.width..padding.stride) {
-        row[px] = row[padding.column(px).0 + padding.pad];
+        row[px] = row[columns[px] + padding.pad];
     }
+}
+
+/// The rows of a sheet that have any cell.
+fn rows_with_cells(sheet: &Sheet, width: usize) -> Vec<bool> {
+    sheet.s.par_chunks(width).map(|row| row.iter().any(|s| !s.is_nan())).collect()
 }
 
 /// Lays out the depths of a sheet.
@@ -229,55 +239,78 @@ fn depths(sheets: &Sheets, sheet: usize, padding: &Padding, codes: &Codes) -> Pa
     let cells = padding.stride * padding.rows;
     let (mut lo, mut hi) = (vec![0u16; cells], vec![0u16; cells]);
     let inside = padding.pad..padding.pad + padding.width;
+    let columns = padding.columns();
+    let occupied = rows_with_cells(&sheets.sheets[sheet], sheets.size.width);
     let rows = lo.par_chunks_mut(padding.stride).zip(hi.par_chunks_mut(padding.stride));
     rows.enumerate().for_each(|(py, (lo, hi))| {
         let y = padding.row(py).0;
+        if !occupied[y] {
+            lo.fill(u16::MAX);
+            return;
+        }
         extents(sheets, sheet, y, codes, &mut lo[inside.clone()], &mut hi[inside.clone()]);
-        mirror_row(padding, lo);
-        mirror_row(padding, hi);
+        mirror_row(padding, &columns, lo);
+        mirror_row(padding, &columns, hi);
     });
     PackedSheet { lo, hi, color: Vec::new(), partial: partial_planes(&sheets.sheets[sheet], padding) }
 }
 
-/// Lays out one channel of a sheet, sharpened against the blur of its own drawing.
-fn channel(
+/// Lays out the colours of a sheet, widened or sharpened to their footprint.
+fn colors(
     sheets: &Sheets,
     sheet: usize,
-    c: usize,
     color: &[Cow<[f32]>],
     footprint: &Footprint,
     s_focus: f64,
     padding: &Padding,
-) -> Vec<f32> {
+) -> Vec<Vec<f32>> {
     let size = sheets.size;
     let (w, n) = (size.width, size.pixels());
-    let plane_of = |sheet: usize| &color[sheet][c * n..][..n];
-    let own = plane_of(sheet);
     let s = &sheets.sheets[sheet].s;
-    let mut plane = vec![0.0f32; padding.stride * padding.rows];
-    plane.par_chunks_mut(padding.stride).enumerate().for_each(|(py, out)| {
+    let columns = padding.columns();
+    let occupied = rows_with_cells(&sheets.sheets[sheet], w);
+    let mut planes = vec![vec![0.0f32; padding.stride * padding.rows]; size.channels];
+    let mut rows: Vec<Vec<&mut [f32]>> = (0..padding.rows).map(|_| Vec::with_capacity(size.channels)).collect();
+    for plane in &mut planes {
+        plane.chunks_mut(padding.stride).zip(&mut rows).for_each(|(row, rows)| rows.push(row));
+    }
+    rows.par_iter_mut().enumerate().for_each(|(py, planes)| {
         let y = padding.row(py).0;
-        let at = |y: usize| &own[y * w..][..w];
-        let (above, row, below) = (at(y.saturating_sub(1)), at(y), at((y + 1).min(size.height - 1)));
-        let kappa = |x: usize| footprint.sharpening((f64::from(s[y * w + x]) - s_focus) as f32);
-        let plain = plain_cells(sheets, sheet, y);
-        let inside = &mut out[padding.pad..padding.pad + w];
-        for x in 1..w.saturating_sub(1) {
-            let laplacian = row[x - 1] + row[x + 1] + above[x] + below[x] - 4.0 * row[x];
-            inside[x] = row[x] - kappa(x) * laplacian;
+        if !occupied[y] {
+            return;
         }
-        for x in (0..w).filter(|&x| !plain[x]) {
-            inside[x] = row[x];
-            let index = y * w + x;
-            if !s[index].is_nan() {
-                let around = neighbours(sheets, Cell { sheet, index });
-                let laplacian: f32 = around.map(|q| plane_of(q.sheet)[q.index] - row[x]).sum();
-                inside[x] -= kappa(x) * laplacian;
+        let start = y * w;
+        let kappa: Vec<f32> =
+            s[start..start + w].iter().map(|&s| footprint.sharpening((f64::from(s) - s_focus) as f32)).collect();
+        let plain = plain_cells(sheets, sheet, y);
+        for (c, out) in planes.iter_mut().enumerate() {
+            let at = |y: usize| &color[sheet][c * n + y * w..][..w];
+            let (above, row, below) = (at(y.saturating_sub(1)), at(y), at((y + 1).min(size.height - 1)));
+            let inside = &mut out[padding.pad..padding.pad + w];
+            for x in 1..w.saturating_sub(1) {
+                let laplacian = row[x - 1] + row[x + 1] + above[x] + below[x] - 4.0 * row[x];
+                inside[x] = row[x] - kappa[x] * laplacian;
             }
         }
-        mirror_row(padding, out);
+        for x in (0..w).filter(|&x| !plain[x]) {
+            let index = start + x;
+            let mut laplacian = [0.0f32; 4];
+            if !s[index].is_nan() {
+                for q in neighbours(sheets, Cell { sheet, index }) {
+                    for c in 0..size.channels {
+                        laplacian[c] += color[q.sheet][c * n + q.index] - color[sheet][c * n + index];
+                    }
+                }
+            }
+            for (c, out) in planes.iter_mut().enumerate() {
+                // An empty cell has no colour, and no shift to be sharpened for.
+                let own = color[sheet][c * n + index];
+                out[padding.pad + x] = if s[index].is_nan() { own } else { own - kappa[x] * laplacian[c] };
+            }
+        }
+        planes.iter_mut().for_each(|out| mirror_row(padding, &columns, out));
     });
-    plane
+    planes
 }
 
 fn partial_planes(sheet: &Sheet, padding: &Padding) -> Option<PartialPlanes> {
@@ -320,28 +353,29 @@ fn partial_planes(sheet: &Sheet, padding: &Padding) -> Option<PartialPlanes> {
 fn blocks(sheets: &Sheets, packed: &[PackedSheet], padding: &Padding) -> Blocks {
     let (across, down) = (padding.stride / BLOCK, padding.rows / BLOCK);
     let links = &sheets.sheets[0].links;
+    let columns = padding.columns();
     let block = |b: usize| {
         let (x0, y0) = (b % across * BLOCK, b / across * BLOCK);
         let mut occupied = vec![[0u64; 4]; packed.len()];
-        let (mut range, mut steepest, mut smooth) = ((u16::MAX, 0u16), 0u16, true);
+        let (mut range, mut steepest, mut smooth) = ((u16::MAX, 0u16), 0u16, !links.is_empty());
         for py in y0..y0 + BLOCK {
-            let y = padding.row(py).0;
-            for px in x0..x0 + BLOCK {
-                let i = py * padding.stride + px;
-                for (k, sheet) in packed.iter().enumerate() {
-                    let (lo, hi) = (sheet.lo[i], sheet.hi[i]);
-                    if lo > hi {
-                        smooth &= k > 0;
-                        continue;
+            for (k, sheet) in packed.iter().enumerate() {
+                let start = py * padding.stride + x0;
+                for (&lo, &hi) in sheet.lo[start..start + BLOCK].iter().zip(&sheet.hi[start..start + BLOCK]) {
+                    // The first sheet has to be whole for a smooth block, the others empty.
+                    smooth &= (lo <= hi) == (k == 0);
+                    if lo <= hi {
+                        range = (range.0.min(lo), range.1.max(hi));
+                        for bin in lo >> 8..=hi >> 8 {
+                            occupied[k][usize::from(bin >> 6)] |= 1 << (bin & 63);
+                        }
+                        steepest = steepest.max(hi - lo);
                     }
-                    smooth &= k == 0;
-                    range = (range.0.min(lo), range.1.max(hi));
-                    for bin in lo >> 8..=hi >> 8 {
-                        occupied[k][usize::from(bin >> 6)] |= 1 << (bin & 63);
-                    }
-                    steepest = steepest.max(hi - lo);
                 }
-                smooth &= !links.is_empty() && links[y * padding.width + padding.column(px).0] & EDGE == 0;
+            }
+            if smooth {
+                let row = &links[padding.row(py).0 * padding.width..][..padding.width];
+                smooth = columns[x0..x0 + BLOCK].iter().all(|&x| row[x] & EDGE == 0);
             }
         }
         (occupied, range, smooth.then_some(steepest))
@@ -382,9 +416,7 @@ impl Packed {
     /// Lays out the colours of all sheets, widened or sharpened to their footprint.
     pub fn set_colors(&mut self, sheets: &Sheets, color: &[Cow<[f32]>], footprint: &Footprint, s_focus: f64) {
         for (sheet, packed) in self.sheets.iter_mut().enumerate() {
-            packed.color = (0..sheets.size.channels)
-                .map(|c| channel(sheets, sheet, c, color, footprint, s_focus, &self.padding))
-                .collect();
+            packed.color = colors(sheets, sheet, color, footprint, s_focus, &self.padding);
         }
     }
 }
