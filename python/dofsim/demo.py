@@ -68,8 +68,9 @@ def run_demo(folder: Path, *, device: str = "auto") -> Demo:
     >>> import pathlib, tempfile
     >>> from dofsim.demo import run_demo
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     run_demo(pathlib.Path(folder)).distance.psnr > 30
-    True
+    ...     demo = run_demo(pathlib.Path(folder))
+    >>> demo.panel.name, demo.result.name, demo.distance.psnr > 20
+    ('demo.png', 'demo.exr', True)
     """
     with resources.as_file(resources.files("dofsim") / "data") as data:
         color, depth = io.read_rgbd(data / "demo.exr")
