@@ -6,6 +6,7 @@ pub mod color;
 pub mod cpu;
 pub mod depth;
 pub mod error;
+pub mod files;
 pub mod optics;
 pub mod picture;
 mod python;

@@ -3,6 +3,7 @@
 mod aperture;
 mod arrays;
 mod errors;
+mod files;
 mod lens;
 mod render;
 mod run;
@@ -18,6 +19,11 @@ pub mod _dofsim {
     use super::aperture::PyAperture;
     #[pymodule_export]
     use super::errors::DeviceError;
+    #[pymodule_export]
+    use super::files::{
+        ExrPart, decode_codes, encode_codes, exr_parts, file_kind, read_exr, read_raster, write_bytes,
+        write_exr, write_pfm, write_png, write_tiff,
+    };
     #[pymodule_export]
     use super::lens::PyLens;
     #[pymodule_export]

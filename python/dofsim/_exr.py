@@ -1,0 +1,163 @@
+"""OpenEXR files by the names of their channels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _arrays, _channels, _dofsim
+from ._arrays import StrPath
+
+Compression = Literal["none", "rle", "zips", "zip", "piz"]
+
+
+def list_channels(path: StrPath) -> list[str]:
+    """List the channels of an OpenEXR file, or the arrays of an NPZ file.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file.
+
+    Returns
+    -------
+    list of str
+        Full names: layers before dots, and the name of the part first if there are several. Empty for
+        files of other kinds, whose channels have no names.
+
+    Raises
+    ------
+    ValueError
+        If the file is damaged or of a kind that is not read.
+    OSError
+        If the file cannot be opened or read.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> import numpy as np
+    >>> from dofsim.io import list_channels, write_exr
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "layers.exr")
+    ...     write_exr(path, {"left.Z": np.ones((2, 2)), "left.Y": np.ones((2, 2))})
+    ...     list_channels(path)
+    ['left.Y', 'left.Z']
+    """
+    kind = _dofsim.file_kind(path)
+    if kind == "exr":
+        return [channel.full for channel in channels_of(path)]
+    return _arrays.npz_names(path) if kind == "npz" else []
+
+
+def read_exr(path: StrPath, channels: list[str] | None = None) -> dict[str, NDArray[np.float32]]:
+    """Read channels of an OpenEXR file by their names.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file.
+    channels : list of str, optional
+        Names as `list_channels` gives them. Without it, all.
+
+    Returns
+    -------
+    dict of str to ndarray of float32
+        Each of shape (H, W), the pixels that are stored (the data window of the part).
+
+    Raises
+    ------
+    ValueError
+        If the file is damaged or not OpenEXR, or if there is no such channel.
+    OSError
+        If the file cannot be opened or read.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> import numpy as np
+    >>> from dofsim.io import read_exr, write_exr
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "id.exr")
+    ...     write_exr(path, {"id": np.array([[7, 9]], dtype=np.uint32)})
+    ...     read_exr(path)["id"]
+    array([[7., 9.]], dtype=float32)
+    """
+    known = {channel.full: channel for channel in channels_of(path)}
+    names = list(known) if channels is None else channels
+    for name in names:
+        if name not in known:
+            raise ValueError(f"{path}: there is no channel {name!r}; channels: {', '.join(known)}")
+    return {name: read_part(path, [known[name]], data=True, fill=0.0) for name in names}
+
+
+def write_exr(
+    path: StrPath,
+    channels: Mapping[str, ArrayLike] | Mapping[str, Mapping[str, ArrayLike]],
+    *,
+    compression: Compression = "zip",
+) -> None:
+    """Write named channels to an OpenEXR file of one part or of several.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file. What was there is replaced.
+    channels : mapping
+        Arrays of shape (H, W) by the names of the channels; or such mappings by the names of the parts.
+        float16 and uint32 are stored as they are, everything else as float32.
+    compression : {"none", "rle", "zips", "zip", "piz"}, optional
+        All are lossless.
+
+    Raises
+    ------
+    ValueError
+        If the arrays of a part differ in size, have another number of axes than two, or have no pixels.
+    OSError
+        If the file cannot be written.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> import numpy as np
+    >>> from dofsim.io import list_channels, write_exr
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "parts.exr")
+    ...     write_exr(path, {"main": {"Y": np.ones((2, 2))}, "depth": {"Z": np.ones((2, 2))}})
+    ...     list_channels(path)
+    ['main.Y', 'depth.Z']
+    """
+    single: list[tuple[str, NDArray[Any]]] = []
+    parts: list[tuple[str | None, list[tuple[str, NDArray[Any]]]]] = []
+    for name, value in channels.items():
+        if isinstance(value, Mapping):
+            parts.append((name, [(channel, _plane(channel, array)) for channel, array in value.items()]))
+        else:
+            single.append((name, _plane(name, value)))
+    if single and parts:
+        raise ValueError("either all channels are in named parts or none is")
+    _dofsim.write_exr(path, parts or [(None, single)], compression=compression)
+
+
+def channels_of(path: StrPath) -> list[_channels.Channel]:
+    """List the channels of all parts."""
+    if (kind := _dofsim.file_kind(path)) != "exr":
+        raise ValueError(f"{path}: found a file of kind {kind}; accepted: OpenEXR")
+    return _channels.flatten(_dofsim.exr_parts(path))
+
+
+def read_part(path: StrPath, channels: list[_channels.Channel], *, data: bool, fill: float) -> NDArray[Any]:
+    """Read channels of one part, side by side."""
+    names = [channel.name for channel in channels]
+    return _dofsim.read_exr(path, channels[0].part, names, data=data, fill=fill)
+
+
+def _plane(name: str, values: ArrayLike) -> NDArray[Any]:
+    plane = np.asarray(values)
+    if plane.ndim != 2:
+        raise ValueError(f"channel {name!r} must have shape (H, W), not {plane.shape}")
+    if plane.dtype not in (np.float16, np.uint32):
+        plane = plane.astype(np.float32)
+    return np.ascontiguousarray(plane, plane.dtype.newbyteorder("="))

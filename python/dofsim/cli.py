@@ -1,0 +1,325 @@
+"""The ``dofsim`` command.
+
+Every error is one line on the standard error stream. The exit status is 2 if the arguments or the files given
+are at fault, 1 for everything else.
+"""
+
+from __future__ import annotations
+
+import errno
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+import dofsim
+
+from . import _options as options
+
+if TYPE_CHECKING:
+    pass
+
+app = typer.Typer(
+    help="Turn a pinhole picture and its depth into the picture that a real lens would have taken.",
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+)
+
+Output = Annotated[Path, typer.Option("--output", "-o", help="File to write; its suffix names the format.")]
+
+# What these refusals of the system are about is always a path that was given.
+_PATH_ERRORS = (FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError)
+
+
+def main() -> None:
+    """Run the command line; the entry point of the ``dofsim`` script."""
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: list[str]) -> int:
+    """Run the command line and return its exit status.
+
+    Parameters
+    ----------
+    arguments : list of str
+        What follows the name of the command.
+
+    Returns
+    -------
+    int
+        0, or 2 if the arguments or the files given are at fault, 1 for everything else.
+
+    Examples
+    --------
+    >>> from dofsim.cli import run
+    >>> run(["render", "missing.exr", "-o", "out.exr"])
+    2
+    """
+    try:
+        status: object = app(arguments, prog_name="dofsim", standalone_mode=False)
+        return status if isinstance(status, int) else 0
+    except (KeyboardInterrupt, typer.Abort):
+        return _fail("interrupted", 1)
+    except _PATH_ERRORS as error:
+        return _fail(f"{error.filename}: {error.strerror}", 2)
+    except OSError as error:
+        return _fail(f"{error.filename}: {error.strerror}" if error.filename else str(error), 1)
+    except (ValueError, TypeError) as error:
+        return _fail(str(error), 2)
+    except (dofsim.DeviceError, ImportError, MemoryError) as error:
+        return _fail(str(error) or "not enough memory", 1)
+    except Exception as error:
+        # Typer brings a copy of Click or uses the installed one, depending on its version, so its usage
+        # errors are known by what they offer and not by their class.
+        if format_message := getattr(error, "format_message", None):
+            return _fail(format_message(), 2)
+        return _fail(f"internal error: {type(error).__name__}: {error}", 1)
+
+
+def _fail(message: str, status: int) -> int:
+    # Without arguments the help has been printed, and nothing is left to say.
+    if message:
+        print(f"dofsim: {message}", file=sys.stderr)
+    return status
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"dofsim {dofsim.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _common(
+    version: Annotated[
+        bool,
+        typer.Option("--version", help="Print the version.", callback=_print_version, is_eager=True),
+    ] = False,
+) -> None:
+    """Options of all commands."""
+
+
+@app.command("render", no_args_is_help=True)
+def render_command(
+    image: Annotated[Path, typer.Argument(help="The picture, with its depth if it is EXR or NPZ.")],
+    output: Output,
+    depth: Annotated[Path | None, typer.Argument(help="The depth, if it is in another file.")] = None,
+    aperture_radius: options.ApertureRadius = None,
+    focus_distance: options.FocusDistance = None,
+    focus_at: options.FocusAt = None,
+    fov: options.Fov = None,
+    fov_axis: options.FovAxis = None,
+    focal_length_mm: options.FocalLength = None,
+    f_number: options.FNumber = None,
+    sensor_width_mm: options.SensorWidth = None,
+    lens_file: options.LensFile = None,
+    blades: options.Blades = None,
+    rotation: options.Rotation = None,
+    depth_kind: options.DepthKind = "z",
+    near: options.Near = None,
+    far: options.Far = None,
+    depth_scale: options.DepthScale = 1.0,
+    depth_channel: options.DepthChannel = None,
+    invalid: options.Invalid = "raise",
+    layer: options.Layer = None,
+    transfer: options.Transfer = None,
+    alpha: Annotated[
+        str | None,
+        typer.Option(help="What a second or fourth channel is: straight, premultiplied or none."),
+    ] = None,
+    method: Annotated[str, typer.Option(help="How to compute.")] = "lens",
+    device: Annotated[str, typer.Option(help="Where to compute: auto, cpu or gpu.")] = "auto",
+    overscan: Annotated[
+        int, typer.Option(help="Margin of the picture beyond the output, in output pixels.")
+    ] = 0,
+    supersample: Annotated[int, typer.Option(help="Pixels of the picture to one of the output.")] = 1,
+    threads: Annotated[int | None, typer.Option(help="Threads to use; all by default.")] = None,
+    dtype: Annotated[
+        str | None,
+        typer.Option(help="Samples of the output: half or float (EXR), uint8 or uint16 (PNG, TIFF)."),
+    ] = None,
+) -> None:
+    """Render a picture through a lens."""
+    from . import io
+
+    _check_output(output, [image, depth, lens_file])
+    rgbd = io.read_rgbd(
+        image,
+        depth,
+        layer=layer,
+        depth_channel=depth_channel,
+        depth_scale=depth_scale,
+        transfer=_one_of("--transfer", transfer, io.TRANSFERS),
+    )
+    words, opening = options.read_settings(
+        lens_file,
+        {
+            "aperture_radius": aperture_radius,
+            "focus_distance": focus_distance,
+            "fov": fov,
+            "fov_axis": fov_axis,
+            "focal_length_mm": focal_length_mm,
+            "f_number": f_number,
+            "sensor_width_mm": sensor_width_mm,
+        },
+        {"blades": blades, "rotation": rotation},
+    )
+    if focus_at is not None:
+        words = options.focused_words(words, focus_at, rgbd.depth, depth_kind=depth_kind, near=near, far=far)
+    picture = io.Image(rgbd.color, rgbd.transfer, rgbd.alpha)
+    if chosen := _one_of("--alpha", alpha, io.ALPHAS):
+        picture = replace(picture, alpha=chosen)
+    color = picture.to_linear()
+    has_alpha = picture.alpha != "none"
+
+    start = time.perf_counter()
+    result = dofsim.render(
+        color,
+        rgbd.depth,
+        options.make_lens(words),
+        method=method,
+        device=device,
+        aperture=dofsim.Aperture(**opening),
+        depth_kind=depth_kind,
+        near=near,
+        far=far,
+        invalid=invalid,
+        alpha="premultiplied" if has_alpha else "none",
+        overscan=overscan,
+        supersample=supersample,
+        threads=threads,
+    )
+    seconds = time.perf_counter() - start
+
+    sample_type = _one_of("--dtype", dtype, io.SAMPLE_TYPES)
+    if sample_type is None and rgbd.color.dtype == "uint16" and io.holds(output, "uint16"):
+        sample_type = "uint16"
+    io.write_image(output, result, alpha="premultiplied" if has_alpha else "none", dtype=sample_type)
+    print(f"{output}: {result.shape[1]} x {result.shape[0]}, rendered in {seconds:.2f} s")
+
+
+@app.command("coc", no_args_is_help=True)
+def coc_command(
+    depth: Annotated[Path, typer.Argument(help="A depth map, or a picture with depth (EXR or NPZ).")],
+    output: Output,
+    aperture_radius: options.ApertureRadius = None,
+    focus_distance: options.FocusDistance = None,
+    focus_at: options.FocusAt = None,
+    fov: options.Fov = None,
+    fov_axis: options.FovAxis = None,
+    focal_length_mm: options.FocalLength = None,
+    f_number: options.FNumber = None,
+    sensor_width_mm: options.SensorWidth = None,
+    lens_file: options.LensFile = None,
+    depth_kind: options.DepthKind = "z",
+    near: options.Near = None,
+    far: options.Far = None,
+    depth_scale: options.DepthScale = 1.0,
+    depth_channel: options.DepthChannel = None,
+    invalid: options.Invalid = "raise",
+    limit: Annotated[
+        float | None, typer.Option(help="Radius in pixels at which the colours of a PNG end.")
+    ] = None,
+) -> None:
+    """Show the circle of confusion: as colours (PNG) or as its signed radius in pixels (EXR and others)."""
+    from . import _dofsim, io
+
+    _check_output(output, [depth, lens_file])
+    plane = io.read_depth(depth, channel=depth_channel, scale=depth_scale)
+    words, _ = options.read_settings(
+        lens_file,
+        {
+            "aperture_radius": aperture_radius,
+            "focus_distance": focus_distance,
+            "fov": fov,
+            "fov_axis": fov_axis,
+            "focal_length_mm": focal_length_mm,
+            "f_number": f_number,
+            "sensor_width_mm": sensor_width_mm,
+        },
+        {},
+    )
+    if focus_at is not None:
+        words = options.focused_words(words, focus_at, plane, depth_kind=depth_kind, near=near, far=far)
+    lens = options.make_lens(words)
+    radius = dofsim.coc(plane, lens, depth_kind=depth_kind, near=near, far=far, invalid=invalid)
+    if output.suffix.lower() == ".png":
+        from .falsecolor import draw_coc
+
+        _dofsim.write_bytes(output, draw_coc(radius, limit=limit))
+    elif output.suffix.lower() == ".exr":
+        io.write_exr(output, {"coc": radius})
+    else:
+        io.write_image(output, radius)
+    print(f"{output}: radius from {radius.min():+.2f} px (near) to {radius.max():+.2f} px (far)")
+
+
+@app.command("compare", no_args_is_help=True)
+def compare_command(
+    a: Annotated[Path, typer.Argument(help="A picture.")],
+    b: Annotated[Path, typer.Argument(help="Another picture, such as a reference.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="PNG file of both and their difference.")
+    ] = None,
+    border: Annotated[int, typer.Option(help="Pixels left out of the numbers along each edge.")] = 0,
+) -> None:
+    """Say how far two pictures are apart: PSNR, SSIM and FLIP."""
+    from . import _compare, _dofsim, _panel, io
+
+    if output is not None:
+        _check_output(output, [a, b], (".png",))
+    first, second = (_compare.opaque(io.read_color(path)) for path in (a, b))
+    distance = _compare.measure(first, second, border=border)
+    if output is not None:
+        tiles = [
+            _panel.Tile(a.name, _compare.shown(first)),
+            _panel.Tile(b.name, _compare.shown(second)),
+            _compare.difference_tile(first, second, f"Difference: {distance}"),
+        ]
+        _dofsim.write_bytes(output, _panel.draw(tiles))
+        print(output)
+    print(distance)
+
+
+@app.command("demo")
+def demo_command(
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Folder to write into; made if it is not there.")
+    ] = Path("dofsim-demo"),
+    device: Annotated[str, typer.Option(help="Where to compute: auto, cpu or gpu.")] = "auto",
+) -> None:
+    """Render the picture that comes with dofsim and compare it with a ray tracer's."""
+    from .demo import run_demo
+
+    demo = run_demo(output, device=device)
+    print(f"{demo.size[0]} x {demo.size[1]}, rendered in {demo.seconds:.2f} s")
+    print(f"against the ray traced reference: {demo.distance}")
+    print(f"{demo.panel}: before, after, reference and difference")
+    print(f"{demo.result}: the result in linear light")
+
+
+def _check_output(output: Path, inputs: list[Path | None], suffixes: tuple[str, ...] | None = None) -> None:
+    """Refuse an output that cannot be written or must not be, before any work is done."""
+    from . import io
+
+    accepted = suffixes or io.SUFFIXES
+    if output.suffix.lower() not in accepted:
+        raise ValueError(f"{output}: the suffix {output.suffix!r} is not one of {', '.join(accepted)}")
+    if not output.parent.is_dir():
+        raise FileNotFoundError(errno.ENOENT, "there is no such folder", str(output.parent))
+    if any(path is not None and _same(path, output) for path in inputs):
+        raise ValueError(f"{output}: is one of the inputs, which are not overwritten")
+
+
+def _same(path: Path, output: Path) -> bool:
+    return path.exists() and output.exists() and path.samefile(output)
+
+
+def _one_of(option: str, value: str | None, accepted: tuple[Any, ...]) -> Any:
+    if value is not None and value not in accepted:
+        raise ValueError(f"{option} takes {', '.join(accepted)}; got {value!r}")
+    return value

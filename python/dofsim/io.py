@@ -1,0 +1,360 @@
+"""Pictures and depth maps from files and back: OpenEXR, PNG, TIFF, PFM, NPY and NPZ.
+
+What kind of light a file holds follows from its type, unless the caller says otherwise:
+
+* integer files (PNG, integer TIFF) hold sRGB code values with straight alpha. Their pixels keep their
+  integer type, and the transfer function is stated beside them for `dofsim.render`;
+* float files hold linear light. Alpha is premultiplied in OpenEXR, and taken to be so in NumPy files.
+
+Files are recognised by their first bytes when they are read and by their suffix when they are written. They
+are written under a temporary name in the same folder and renamed when they are whole.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from . import _arrays, _channels, _dofsim
+from ._alpha import premultiply
+from ._arrays import StrPath
+from ._exr import channels_of, list_channels, read_exr, read_part, write_exr
+from ._save import (
+    ALPHAS,
+    SAMPLE_TYPES,
+    SUFFIXES,
+    TRANSFERS,
+    Alpha,
+    Transfer,
+    holds,
+    write_depth,
+    write_image,
+)
+
+__all__ = [
+    "ALPHAS",
+    "RGBD",
+    "SAMPLE_TYPES",
+    "SUFFIXES",
+    "TRANSFERS",
+    "Image",
+    "holds",
+    "list_channels",
+    "read_color",
+    "read_depth",
+    "read_exr",
+    "read_rgbd",
+    "write_depth",
+    "write_exr",
+    "write_image",
+]
+
+Window = Literal["display", "data"]
+
+
+@dataclass(frozen=True, eq=False)
+class Image:
+    """The pixels of a file, and what they mean.
+
+    Attributes
+    ----------
+    pixels : ndarray
+        Shape (H, W) or (H, W, C), C from 2 to 4, in the type of the file; half floats of OpenEXR are widened
+        to float32.
+    transfer : {"linear", "srgb"}
+        How the values stand for light.
+    alpha : {"none", "straight", "premultiplied"}
+        What the last channel is if C is 2 or 4.
+    """
+
+    pixels: NDArray[Any]
+    transfer: Transfer
+    alpha: Alpha
+
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
+        """Return the pixels."""
+        return np.array(self.pixels, dtype) if copy else np.asarray(self.pixels, dtype)
+
+    def to_linear(self) -> NDArray[np.float32]:
+        """Return the pixels as float32, linear light, premultiplied.
+
+        Returns
+        -------
+        ndarray of float32
+            The shape of ``pixels``.
+        """
+        if np.issubdtype(self.pixels.dtype, np.integer):
+            values = _dofsim.decode_codes(
+                np.ascontiguousarray(self.pixels), srgb=self.transfer == "srgb", alpha=self.alpha != "none"
+            )
+        else:
+            values = self.pixels.astype(np.float32)
+        return premultiply(values) if self.alpha == "straight" else values
+
+
+@dataclass(frozen=True, eq=False)
+class RGBD:
+    """A picture and its depth. Unpacks into the two arrays: ``color, depth = read_rgbd(path)``.
+
+    Attributes
+    ----------
+    color : ndarray
+        Shape (H, W) or (H, W, C), in the type of the file.
+    depth : ndarray of float32
+        Shape (H, W).
+    transfer : {"linear", "srgb"}
+        How the values of ``color`` stand for light.
+    alpha : {"none", "straight", "premultiplied"}
+        What the last channel of ``color`` is if C is 2 or 4.
+    """
+
+    color: NDArray[Any]
+    depth: NDArray[np.float32]
+    transfer: Transfer
+    alpha: Alpha
+
+    def __iter__(self) -> Iterator[NDArray[Any]]:
+        """Yield the colour, then the depth."""
+        return iter((self.color, self.depth))
+
+
+def read_color(
+    path: StrPath,
+    *,
+    layer: str | None = None,
+    transfer: Transfer | None = None,
+    window: Window = "display",
+) -> Image:
+    """Read the colour of a file.
+
+    Parameters
+    ----------
+    path : str or path-like
+        An OpenEXR, PNG, TIFF, PFM, NPY or NPZ file.
+    layer : str, optional
+        Which layer of an OpenEXR file (``"ViewLayer.Combined"``; ``""`` for channels outside any layer) or
+        which array of an NPZ file. Without it the layer is chosen by its name, see `dofsim._channels`; in an
+        NPZ file it is ``color`` or the only array.
+    transfer : {"linear", "srgb"}, optional
+        What an integer file holds. The default is ``"srgb"``.
+    window : {"display", "data"}, optional
+        Which pixels of an OpenEXR file: those to be seen, transparent black where nothing is stored, or those
+        that are stored.
+
+    Returns
+    -------
+    Image
+        The pixels, their transfer function and their alpha.
+
+    Raises
+    ------
+    ValueError
+        If the file is damaged or of another kind, or if the layer is not there or not the only choice.
+    OSError
+        If the file cannot be opened or read.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> import numpy as np
+    >>> from dofsim.io import read_color, write_image
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "grey.png")
+    ...     write_image(path, np.full((2, 3), 0.5))
+    ...     image = read_color(path)
+    >>> image.pixels.dtype, image.transfer, int(image.pixels[0, 0])
+    (dtype('uint8'), 'srgb', 188)
+    """
+    kind = _dofsim.file_kind(path)
+    alpha: Alpha = "none"
+    if kind == "exr":
+        listed = channels_of(path)
+        with _about(path):
+            channels = _channels.color(listed, layer)
+        pixels = read_part(path, channels, data=window == "data", fill=0.0)
+        alpha = "premultiplied" if len(channels) in (2, 4) else "none"
+    elif kind == "npz":
+        pixels = _arrays.read_npz(path, layer, ("color", "rgba", "rgb"))
+    elif kind == "npy":
+        pixels = _arrays.read_npy(path)
+    else:
+        pixels, alpha = _dofsim.read_raster(path)
+    numpy_file = kind in ("npy", "npz")
+    integer = _check_color(path, pixels, layers=numpy_file)
+    if numpy_file and pixels.ndim > 2 and pixels.shape[-1] in (2, 4):
+        alpha = "straight" if integer else "premultiplied"
+    if transfer == "srgb" and not integer:
+        raise ValueError(f"{path}: holds floats, which are linear light; transfer='srgb' is for integers")
+    return Image(pixels, (transfer or "srgb") if integer else "linear", alpha)
+
+
+def read_depth(
+    path: StrPath,
+    *,
+    channel: str | None = None,
+    scale: float = 1.0,
+    layer: str | None = None,
+    window: Window = "display",
+) -> NDArray[np.float32]:
+    """Read the depth of a file.
+
+    Parameters
+    ----------
+    path : str or path-like
+        An OpenEXR, PNG, TIFF, PFM, NPY or NPZ file. All but OpenEXR and NPZ must have a single channel.
+    channel : str, optional
+        Which channel of an OpenEXR file or which array of an NPZ file. Without it the channel is chosen by
+        its name, see `dofsim._channels`; in an NPZ file it is ``depth``, ``z`` or the only array.
+    scale : float, optional
+        The values are multiplied by it: 0.001 for millimetres in a 16-bit PNG, 1/256 for KITTI.
+    layer : str, optional
+        The colour layer that the depth belongs to; decides between equals in an OpenEXR file.
+    window : {"display", "data"}, optional
+        Which pixels of an OpenEXR file: those to be seen, infinitely far where nothing is stored, or those
+        that are stored.
+
+    Returns
+    -------
+    ndarray of float32
+        Shape (H, W). What the values measure is for the user to know, see ``depth_kind`` of `dofsim.render`.
+
+    Raises
+    ------
+    ValueError
+        If the file is damaged or of another kind, or if the channel is not there or not the only choice.
+    OSError
+        If the file cannot be opened or read.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> import numpy as np
+    >>> from dofsim.io import read_depth, write_depth
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "depth.exr")
+    ...     write_depth(path, np.array([[1.0, 2.5, np.inf]]))
+    ...     read_depth(path)
+    array([[1. , 2.5, inf]], dtype=float32)
+    """
+    kind = _dofsim.file_kind(path)
+    if not math.isfinite(scale) or scale <= 0:
+        raise ValueError(f"scale must be positive and finite, not {scale}")
+    if kind == "exr":
+        listed = channels_of(path)
+        with _about(path):
+            chosen = _channels.depth(listed, channel, layer)
+        depth = read_part(path, [chosen], data=window == "data", fill=math.inf)
+    elif kind == "npz":
+        depth = _arrays.read_npz(path, channel, ("depth", "z"))
+    elif kind == "npy":
+        depth = _arrays.read_npy(path)
+    else:
+        depth, _ = _dofsim.read_raster(path)
+    layers = kind in ("npy", "npz") and depth.ndim == 3
+    if depth.dtype.kind not in "fui" or (depth.ndim != 2 and not layers):
+        raise ValueError(f"{path}: found {_describe(depth)}; a depth map has one channel of numbers")
+    # Whatever is in the file is passed on: values beyond float32 as infinite, NaN as NaN.
+    with np.errstate(over="ignore", invalid="ignore"):
+        return depth.astype(np.float32) * np.float32(scale)
+
+
+def read_rgbd(
+    color_path: StrPath,
+    depth_path: StrPath | None = None,
+    *,
+    layer: str | None = None,
+    depth_channel: str | None = None,
+    depth_scale: float = 1.0,
+    transfer: Transfer | None = None,
+    window: Window = "display",
+) -> RGBD:
+    """Read a picture and its depth from one file or two.
+
+    Parameters
+    ----------
+    color_path : str or path-like
+        The file of the picture; see `read_color`.
+    depth_path : str or path-like, optional
+        The file of the depth; see `read_depth`. Without it the depth is in the file of the picture, which
+        is then OpenEXR or NPZ.
+    layer : str, optional
+        Which layer is the picture.
+    depth_channel : str, optional
+        Which channel is the depth.
+    depth_scale : float, optional
+        The depth is multiplied by it.
+    transfer : {"linear", "srgb"}, optional
+        What an integer picture holds. The default is ``"srgb"``.
+    window : {"display", "data"}, optional
+        Which pixels of OpenEXR files.
+
+    Returns
+    -------
+    RGBD
+        Unpacks into ``color, depth``.
+
+    Raises
+    ------
+    ValueError
+        As the two readers, and if picture and depth differ in size.
+    OSError
+        If a file cannot be opened or read.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> import numpy as np
+    >>> from dofsim.io import read_rgbd, write_image
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "rgbz.exr")
+    ...     write_image(path, np.ones((4, 6, 3)), depth=np.full((4, 6), 2.0))
+    ...     color, depth = read_rgbd(path)
+    >>> color.shape, depth.shape
+    ((4, 6, 3), (4, 6))
+    """
+    if depth_path is None and (kind := _dofsim.file_kind(color_path)) not in ("exr", "npz"):
+        raise ValueError(f"{color_path}: a file of kind {kind} holds no depth beside the picture")
+    image = read_color(color_path, layer=layer, transfer=transfer, window=window)
+    depth = read_depth(
+        color_path if depth_path is None else depth_path,
+        channel=depth_channel,
+        scale=depth_scale,
+        layer=layer if depth_path is None else None,
+        window=window,
+    )
+    if image.pixels.shape[: depth.ndim] != depth.shape or image.pixels.ndim > depth.ndim + 1:
+        raise ValueError(
+            f"{color_path}: the picture is {_describe(image.pixels)}, its depth {_describe(depth)}"
+        )
+    return RGBD(image.pixels, depth, image.transfer, image.alpha)
+
+
+@contextmanager
+def _about(path: StrPath) -> Iterator[None]:
+    """Put the name of the file before what is wrong with its channels."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _check_color(path: StrPath, pixels: NDArray[Any], *, layers: bool) -> bool:
+    """Whether the pixels are integers; refuses what cannot be a picture."""
+    integer = pixels.dtype in (np.uint8, np.uint16)
+    known = integer or pixels.dtype in (np.float16, np.float32, np.float64)
+    shaped = pixels.ndim == 2 or (2 < pixels.ndim < (5 if layers else 4) and 1 <= pixels.shape[-1] <= 4)
+    if not known or not shaped or pixels.size == 0:
+        raise ValueError(
+            f"{path}: found {_describe(pixels)}; a picture has 1 to 4 channels of uint8, uint16 or floats"
+        )
+    return integer
+
+
+def _describe(array: NDArray[Any]) -> str:
+    return f"{array.dtype} of shape {array.shape}"

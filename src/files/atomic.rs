@@ -1,0 +1,87 @@
+//! Files that appear under their own name only when they are whole.
+
+use super::{Problem, Result, with_path};
+use std::ffi::OsString;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
+
+/// Writes a file beside `path` and moves it there when `write` has succeeded.
+///
+/// When anything fails, what was at `path` before is still there, and nothing else is.
+pub fn replace(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> std::result::Result<(), Problem>,
+) -> Result<()> {
+    with_path(path, || {
+        let target = target(path)?;
+        let (temporary, file) = Temporary::beside(&target)?;
+        let mut writer = BufWriter::with_capacity(1 << 16, file);
+        write(&mut writer)?;
+        // The file is closed before it is renamed: some systems do not rename an open one.
+        drop(writer.into_inner().map_err(io::IntoInnerError::into_error)?);
+        temporary.rename(&target)?;
+        Ok(())
+    })
+}
+
+/// Writes `bytes` to `path` as [`replace`] does.
+pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
+    replace(path, |writer| Ok(writer.write_all(bytes)?))
+}
+
+/// Where the file is to be: through a symbolic link, and never in the place of a device or a folder.
+fn target(path: &Path) -> std::result::Result<PathBuf, Problem> {
+    let target = match fs::canonicalize(path) {
+        Ok(existing) => existing,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(path.to_owned()),
+        Err(error) => return Err(error.into()),
+    };
+    if target.is_file() {
+        Ok(target)
+    } else if target.is_dir() {
+        Err(Problem::Argument("is a folder; a picture needs the name of a file".into()))
+    } else {
+        Err(Problem::Argument("is a pipe or a device; pictures go to regular files".into()))
+    }
+}
+
+/// A file that removes itself unless it is renamed.
+struct Temporary(Option<PathBuf>);
+
+impl Temporary {
+    fn beside(target: &Path) -> std::result::Result<(Self, File), Problem> {
+        static COUNTER: AtomicU32 = AtomicU32::new(0);
+        let name = target.file_name().ok_or_else(|| Problem::Argument("is not the name of a file".into()))?;
+        loop {
+            let count = COUNTER.fetch_add(1, Ordering::Relaxed);
+            let mut hidden = OsString::from(".");
+            hidden.push(name);
+            hidden.push(format!(".{}-{count}.part", std::process::id()));
+            let path = target.with_file_name(hidden);
+            match OpenOptions::new().write(true).create_new(true).open(&path) {
+                Ok(file) => return Ok((Self(Some(path)), file)),
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => (),
+                Err(error) => return Err(error.into()),
+            }
+        }
+    }
+
+    fn rename(mut self, target: &Path) -> io::Result<()> {
+        if let Some(path) = &self.0 {
+            fs::rename(path, target)?;
+            self.0 = None;
+        }
+        Ok(())
+    }
+}
+
+impl Drop for Temporary {
+    fn drop(&mut self) {
+        if let Some(path) = &self.0 {
+            // Already on the way out with another error, which says more than this one would.
+            let _ = fs::remove_file(path);
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! What can go wrong with a file.
+
+use std::any::Any;
+use std::io;
+use std::path::PathBuf;
+
+/// The result of reading or writing a file.
+pub type Result<T> = std::result::Result<T, FileError>;
+
+/// A problem and the file that has it.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {problem}", path.display())]
+pub struct FileError {
+    /// The file that was to be read or written.
+    pub path: PathBuf,
+    /// What is wrong with it.
+    pub problem: Problem,
+}
+
+/// What is wrong with a file, or with what was to be written into it.
+#[derive(Debug, thiserror::Error)]
+pub enum Problem {
+    /// The operating system refused.
+    #[error("{0}")]
+    Io(io::Error),
+    /// The bytes contradict the format.
+    #[error("damaged file: {0}")]
+    Damaged(String),
+    /// A sound file of a kind that is not read here.
+    #[error("found {found}; accepted: {accepted}")]
+    Unsupported {
+        /// What the file holds.
+        found: String,
+        /// What it could hold.
+        accepted: &'static str,
+    },
+    /// A header that claims more than the file can hold.
+    #[error(
+        "damaged file: its header claims {claimed} bytes of pixels, which a file of {length} bytes cannot hold"
+    )]
+    Oversized {
+        /// Bytes of pixels by the header.
+        claimed: u128,
+        /// Bytes on disk.
+        length: u64,
+    },
+    /// Something that the caller asked for does not exist or does not fit.
+    #[error("{0}")]
+    Argument(String),
+}
+
+impl Problem {
+    /// A decoder that panics has met bytes it was not prepared for.
+    pub(super) fn from_panic(panic: &(dyn Any + Send)) -> Self {
+        let message = panic
+            .downcast_ref::<&str>()
+            .map(ToString::to_string)
+            .or_else(|| panic.downcast_ref::<String>().cloned())
+            .unwrap_or_else(|| "no message".into());
+        Self::Damaged(format!("the decoder gave up ({message})"))
+    }
+}
+
+impl From<io::Error> for Problem {
+    fn from(error: io::Error) -> Self {
+        match error.kind() {
+            io::ErrorKind::UnexpectedEof => Self::Damaged("it ends too early".into()),
+            // A seek to where no file reaches, by an offset that the file gave.
+            io::ErrorKind::InvalidInput => Self::Damaged("it points outside itself".into()),
+            // Decoders report their own findings as I/O errors without a number from the system.
+            _ if error.raw_os_error().is_none() => Self::Damaged(error.to_string()),
+            _ => Self::Io(error),
+        }
+    }
+}

@@ -1,0 +1,87 @@
+//! Which format a file is in, by its first bytes and not by its name.
+
+use super::{Problem, Result, open, with_path};
+use std::io::Read;
+use std::path::Path;
+
+/// A file format that dofsim reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// OpenEXR.
+    Exr,
+    /// Portable Network Graphics.
+    Png,
+    /// Tagged Image File Format.
+    Tiff,
+    /// Portable float map.
+    Pfm,
+    /// One NumPy array.
+    Npy,
+    /// A ZIP archive of NumPy arrays.
+    Npz,
+}
+
+impl Kind {
+    /// The short name used in messages and by the Python side.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Exr => "exr",
+            Self::Png => "png",
+            Self::Tiff => "tiff",
+            Self::Pfm => "pfm",
+            Self::Npy => "npy",
+            Self::Npz => "npz",
+        }
+    }
+}
+
+const KINDS: [(&[u8], Kind); 11] = [
+    (b"\x76\x2f\x31\x01", Kind::Exr),
+    (b"\x89PNG\r\n\x1a\n", Kind::Png),
+    (b"II*\0", Kind::Tiff),
+    (b"MM\0*", Kind::Tiff),
+    (b"II+\0", Kind::Tiff),
+    (b"MM\0+", Kind::Tiff),
+    (b"PF", Kind::Pfm),
+    (b"Pf", Kind::Pfm),
+    (b"\x93NUMPY", Kind::Npy),
+    (b"PK\x03\x04", Kind::Npz),
+    (b"PK\x05\x06", Kind::Npz),
+];
+
+/// Formats that are often met in the place of the accepted ones, to be called by their names.
+const FOREIGN: [(&[u8], &str); 8] = [
+    (b"\xff\xd8\xff", "a JPEG picture"),
+    (b"#?", "a Radiance HDR picture"),
+    (b"GIF8", "a GIF picture"),
+    (b"BM", "a BMP picture"),
+    (b"RIFF", "a RIFF file (WebP?)"),
+    (b"P6", "a PPM picture"),
+    (b"\x89HDF", "an HDF5 file"),
+    (b"PIEH", "a Sintel or Middlebury .dpt/.flo file"),
+];
+
+/// Tells the format of a file from its first bytes.
+pub fn kind(path: &Path) -> Result<Kind> {
+    with_path(path, || {
+        let mut start = Vec::with_capacity(8);
+        open(path)?.reader.take(8).read_to_end(&mut start)?;
+        match KINDS.iter().find(|(magic, _)| start.starts_with(magic)) {
+            Some(&(_, kind)) => Ok(kind),
+            None => Err(Problem::Unsupported {
+                found: describe(&start),
+                accepted: "OpenEXR, PNG, TIFF, PFM, NPY and NPZ files",
+            }),
+        }
+    })
+}
+
+fn describe(start: &[u8]) -> String {
+    if start.is_empty() {
+        return "an empty file".into();
+    }
+    match FOREIGN.iter().find(|(magic, _)| start.starts_with(magic)) {
+        Some(&(_, name)) => name.into(),
+        None => format!("an unknown format that begins with \"{}\"", start.escape_ascii()),
+    }
+}

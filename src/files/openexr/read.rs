@@ -1,0 +1,253 @@
+//! Reading chosen channels of one part.
+
+use super::super::{Alpha, Problem, Raster, Result, Samples, check_claim, open, with_path};
+use super::for_each_parallel;
+use ::exr::block::UncompressedBlock;
+use ::exr::block::chunk::{Chunk, CompressedBlock};
+use ::exr::compression::Compression;
+use ::exr::math::Vec2;
+use ::exr::meta::attribute::{IntegerBounds, SampleType, Text};
+use ::exr::meta::header::Header;
+use half::f16;
+use std::collections::HashSet;
+use std::path::Path;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// A rectangle of pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Window {
+    /// First column.
+    pub x: i32,
+    /// First row.
+    pub y: i32,
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+}
+
+impl From<IntegerBounds> for Window {
+    fn from(bounds: IntegerBounds) -> Self {
+        let Vec2(x, y) = bounds.position;
+        let Vec2(width, height) = bounds.size;
+        Self { x, y, width, height }
+    }
+}
+
+/// What a file says about one of its parts.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// Its name; a file with one part needs none.
+    pub name: Option<String>,
+    /// The names of its channels, sorted by the format.
+    pub channels: Vec<String>,
+    /// The pixels that are stored.
+    pub data_window: Window,
+    /// The pixels that are meant to be seen.
+    pub display_window: Window,
+}
+
+/// Which rectangle of pixels a picture is to have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum View {
+    /// What is meant to be seen: stored pixels outside it are left out, missing ones filled in.
+    Display,
+    /// What is stored.
+    Data,
+}
+
+/// Lists the parts of a file.
+pub fn parts(path: &Path) -> Result<Vec<Part>> {
+    with_path(path, || {
+        let reader = ::exr::block::read(open(path)?.reader, false)?;
+        Ok(reader
+            .headers()
+            .iter()
+            .map(|header| Part {
+                name: header.own_attributes.layer_name.as_ref().map(text),
+                channels: header.channels.list.iter().map(|channel| text(&channel.name)).collect(),
+                data_window: header.data_window().into(),
+                display_window: header.shared_attributes.display_window.into(),
+            })
+            .collect())
+    })
+}
+
+/// Reads channels of one part, side by side and as floats, in the order asked for.
+///
+/// Half samples are floats exactly, unsigned ones up to 2^24. Pixels of the display window that the file does
+/// not store become `fill`.
+pub fn read(path: &Path, part: usize, channels: &[String], view: View, fill: f32) -> Result<Raster> {
+    with_path(path, || {
+        let source = open(path)?;
+        let length = source.length;
+        let reader = ::exr::block::read(source.reader, false)?;
+        let header = reader
+            .headers()
+            .get(part)
+            .ok_or_else(|| Problem::Argument(format!("there is no part {part}")))?
+            .clone();
+        let layout = Layout::new(&header, channels)?;
+        let data = Window::from(header.data_window());
+        let frame = match view {
+            View::Display => Window::from(header.shared_attributes.display_window),
+            View::Data => data,
+        };
+        let stored = area(data) * layout.bytes_per_pixel as u128;
+        let wanted = area(frame) * channels.len() as u128 * 4;
+        check_claim(stored.max(wanted), length)?;
+
+        let chunks = reader
+            .filter_chunks(false, |_, tile, block| block.layer == part && tile.level_index == Vec2(0, 0))?;
+        let count = chunks.len();
+        let meta = ::exr::block::reader::ChunksReader::meta_data(&chunks).clone();
+        let chunks = Mutex::new(chunks);
+        let picture = Mutex::new(Picture {
+            data,
+            frame,
+            channels: channels.len(),
+            samples: vec![fill; frame.width * frame.height * channels.len()],
+            seen: HashSet::with_capacity(count),
+        });
+        for_each_parallel(count, |_| {
+            let Some(chunk) = lock(&chunks).next() else {
+                return Err(Problem::Damaged("blocks of pixels are missing".into()));
+            };
+            let chunk = chunk?;
+            check_dwa(&chunk, &header)?;
+            let block = UncompressedBlock::decompress_chunk(chunk, &meta, false)?;
+            if block.index.layer != part || block.index.level != Vec2(0, 0) {
+                return Err(Problem::Damaged("a block of pixels is not where the file says".into()));
+            }
+            lock(&picture).insert(&block, &layout)
+        })?;
+        let picture = picture.into_inner().unwrap_or_else(PoisonError::into_inner);
+        Ok(Raster {
+            width: frame.width,
+            height: frame.height,
+            channels: channels.len(),
+            alpha: Alpha::Premultiplied,
+            samples: Samples::F32(picture.samples),
+        })
+    })
+}
+
+/// Refuses sizes inside a DWA block that its pixels cannot need.
+///
+/// Such a block begins with eleven 64-bit numbers: a version, then sizes, all believed by the decoder when it
+/// sets memory aside. Blocks are coded in squares of 8 x 8 samples, so even a single pixel may need 64.
+fn check_dwa(chunk: &Chunk, header: &Header) -> std::result::Result<(), Problem> {
+    const NUMBERS: usize = 11;
+    if !matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
+        return Ok(());
+    }
+    let bytes = match &chunk.compressed_block {
+        CompressedBlock::ScanLine(block) => &block.compressed_pixels_le,
+        CompressedBlock::Tile(block) => &block.compressed_pixels_le,
+        CompressedBlock::DeepScanLine(_) | CompressedBlock::DeepTile(_) => return Ok(()),
+    };
+    let tile = header.get_block_data_indices(&chunk.compressed_block)?;
+    let section = Window::from(header.get_absolute_block_pixel_coordinates(tile)?);
+    if bytes.len() as u128 == area(section) * header.channels.bytes_per_pixel as u128 {
+        // A block that coding would not have made shorter is stored as it is.
+        return Ok(());
+    }
+    let most = 64 * header.max_block_byte_size() as u64 + 4096;
+    match bytes.as_chunks().0.iter().take(NUMBERS).find(|number| u64::from_le_bytes(**number) > most) {
+        Some(_) => Err(Problem::Damaged("a DWA block claims more than its pixels need".into())),
+        None => Ok(()),
+    }
+}
+
+/// A thread that panicked has already made the call fail; the others only have to end.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn area(window: Window) -> u128 {
+    window.width as u128 * window.height as u128
+}
+
+/// The format stores bytes; names in other alphabets are UTF-8 by custom.
+fn text(text: &Text) -> String {
+    String::from_utf8_lossy(text.as_slice()).into_owned()
+}
+
+/// Where the wanted channels lie in a row of a block: one channel after the other.
+struct Layout {
+    /// By wanted channel: bytes per pixel of all channels before it, and its type.
+    wanted: Vec<(usize, SampleType)>,
+    bytes_per_pixel: usize,
+}
+
+impl Layout {
+    fn new(header: &Header, names: &[String]) -> std::result::Result<Self, Problem> {
+        let list = &header.channels.list;
+        let wanted = names
+            .iter()
+            .map(|name| {
+                let index = list
+                    .iter()
+                    .position(|channel| text(&channel.name) == *name)
+                    .ok_or_else(|| Problem::Argument(format!("there is no channel {name}")))?;
+                let before = list[..index].iter().map(|c| c.sample_type.bytes_per_sample()).sum();
+                Ok((before, list[index].sample_type))
+            })
+            .collect::<std::result::Result<_, Problem>>()?;
+        Ok(Self { wanted, bytes_per_pixel: header.channels.bytes_per_pixel })
+    }
+}
+
+/// The picture while its blocks come in.
+struct Picture {
+    data: Window,
+    frame: Window,
+    channels: usize,
+    samples: Vec<f32>,
+    seen: HashSet<Vec2<usize>>,
+}
+
+impl Picture {
+    fn insert(&mut self, block: &UncompressedBlock, layout: &Layout) -> std::result::Result<(), Problem> {
+        if !self.seen.insert(block.index.pixel_position) {
+            return Err(Problem::Damaged("a block of pixels is stored twice, another one never".into()));
+        }
+        let Vec2(columns, _) = block.index.pixel_size;
+        // Top left of the block in the frame. Windows are 32-bit, so 64 bits hold every difference.
+        let left = i64::from(self.data.x) - i64::from(self.frame.x) + block.index.pixel_position.x() as i64;
+        let top = i64::from(self.data.y) - i64::from(self.frame.y) + block.index.pixel_position.y() as i64;
+        let first = (-left).clamp(0, columns as i64) as usize;
+        let last = (self.frame.width as i64 - left).clamp(first as i64, columns as i64) as usize;
+
+        for (row, bytes) in block.data.chunks_exact(columns * layout.bytes_per_pixel).enumerate() {
+            let y = top + row as i64;
+            if first == last || y < 0 || y >= self.frame.height as i64 {
+                continue;
+            }
+            let x = (left + first as i64) as usize;
+            let start = (y as usize * self.frame.width + x) * self.channels;
+            let pixels = &mut self.samples[start..start + (last - first) * self.channels];
+            for (channel, &(before, kind)) in layout.wanted.iter().enumerate() {
+                let size = kind.bytes_per_sample();
+                let bytes = &bytes[columns * before..][first * size..last * size];
+                let pixels = pixels[channel..].iter_mut().step_by(self.channels);
+                match kind {
+                    SampleType::F16 => fill(pixels, bytes, |b| f16::from_ne_bytes(b).to_f32()),
+                    SampleType::F32 => fill(pixels, bytes, f32::from_ne_bytes),
+                    SampleType::U32 => fill(pixels, bytes, |b| u32::from_ne_bytes(b) as f32),
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+fn fill<'a, const N: usize>(
+    pixels: impl Iterator<Item = &'a mut f32>,
+    bytes: &[u8],
+    value: impl Fn([u8; N]) -> f32,
+) {
+    for (pixel, bytes) in pixels.zip(bytes.as_chunks().0) {
+        *pixel = value(*bytes);
+    }
+}

@@ -1,0 +1,324 @@
+//! Bindings of [`crate::files`], for `dofsim.io` alone: paths and contiguous arrays in, arrays out.
+
+use crate::color::{Sample, Transfer};
+use crate::files::{self, Alpha, FileError, Pixels, Problem, Samples, Shape, openexr};
+use half::f16;
+use numpy::{Element, PyArray1, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
+use pyo3::exceptions::{PyOSError, PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use std::path::PathBuf;
+
+/// Refusals of the system become `OSError` with its number, so that Python picks the subclass; all else is
+/// about the file or the arguments and becomes `ValueError`.
+impl From<FileError> for PyErr {
+    fn from(error: FileError) -> Self {
+        match &error.problem {
+            Problem::Io(source) => {
+                // The system's words without Rust's "(os error 2)" after them.
+                let words = source.to_string();
+                let words = words.split(" (os error").next().unwrap_or_default().to_owned();
+                PyOSError::new_err((source.raw_os_error(), words, error.path.into_os_string()))
+            }
+            _ => PyValueError::new_err(error.to_string()),
+        }
+    }
+}
+
+/// An array handed to Python.
+pub struct Pixmap<'py>(Bound<'py, PyUntypedArray>);
+
+impl<'py> IntoPyObject<'py> for Pixmap<'py> {
+    type Target = PyUntypedArray;
+    type Output = Bound<'py, PyUntypedArray>;
+    type Error = std::convert::Infallible;
+
+    fn into_pyobject(self, _py: Python<'py>) -> Result<Self::Output, Self::Error> {
+        Ok(self.0)
+    }
+}
+
+impl<'py> Pixmap<'py> {
+    /// Shape (height, width) for one channel, (height, width, channels) for more.
+    fn new(py: Python<'py>, raster: files::Raster) -> PyResult<Self> {
+        fn shaped<'py, T: Element>(
+            py: Python<'py>,
+            samples: Vec<T>,
+            shape: &[usize],
+        ) -> PyResult<Bound<'py, PyUntypedArray>> {
+            Ok(PyArray1::from_vec(py, samples).reshape(shape)?.as_untyped().clone())
+        }
+        let shape = [raster.height, raster.width, raster.channels];
+        let shape = if raster.channels == 1 { &shape[..2] } else { &shape[..] };
+        let array = match raster.samples {
+            Samples::U8(v) => shaped(py, v, shape),
+            Samples::U16(v) => shaped(py, v, shape),
+            Samples::U32(v) => shaped(py, v, shape),
+            Samples::F16(v) => shaped(py, v, shape),
+            Samples::F32(v) => shaped(py, v, shape),
+            Samples::F64(v) => shaped(py, v, shape),
+        };
+        array.map(Self)
+    }
+}
+
+/// A C-contiguous array of shape (height, width) or (height, width, channels) in one of the types written.
+pub enum Contiguous<'py> {
+    U8(PyReadonlyArrayDyn<'py, u8>),
+    U16(PyReadonlyArrayDyn<'py, u16>),
+    U32(PyReadonlyArrayDyn<'py, u32>),
+    F16(PyReadonlyArrayDyn<'py, f16>),
+    F32(PyReadonlyArrayDyn<'py, f32>),
+}
+
+impl<'py> FromPyObject<'_, 'py> for Contiguous<'py> {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        let array = object.cast::<PyUntypedArray>()?;
+        if !array.is_c_contiguous() || !(2..=3).contains(&array.ndim()) {
+            return Err(PyTypeError::new_err("the array must be C-contiguous with 2 or 3 axes"));
+        }
+        if let Ok(array) = object.extract() {
+            return Ok(Self::U8(array));
+        }
+        if let Ok(array) = object.extract() {
+            return Ok(Self::U16(array));
+        }
+        if let Ok(array) = object.extract() {
+            return Ok(Self::U32(array));
+        }
+        if let Ok(array) = object.extract() {
+            return Ok(Self::F16(array));
+        }
+        object.extract().map(Self::F32)
+    }
+}
+
+impl Contiguous<'_> {
+    fn shape(&self) -> Shape {
+        let shape = match self {
+            Self::U8(array) => array.shape(),
+            Self::U16(array) => array.shape(),
+            Self::U32(array) => array.shape(),
+            Self::F16(array) => array.shape(),
+            Self::F32(array) => array.shape(),
+        };
+        Shape { height: shape[0], width: shape[1], channels: shape.get(2).copied().unwrap_or(1) }
+    }
+
+    fn pixels(&self) -> PyResult<Pixels<'_>> {
+        match self {
+            Self::U8(array) => Ok(Pixels::U8(array.as_slice()?)),
+            Self::U16(array) => Ok(Pixels::U16(array.as_slice()?)),
+            Self::F32(array) => Ok(Pixels::F32(array.as_slice()?)),
+            Self::U32(_) | Self::F16(_) => Err(PyTypeError::new_err("expected uint8, uint16 or float32")),
+        }
+    }
+
+    fn values(&self) -> PyResult<openexr::Values<'_>> {
+        match self {
+            Self::F16(array) => Ok(openexr::Values::F16(array.as_slice()?)),
+            Self::F32(array) => Ok(openexr::Values::F32(array.as_slice()?)),
+            Self::U32(array) => Ok(openexr::Values::U32(array.as_slice()?)),
+            Self::U8(_) | Self::U16(_) => Err(PyTypeError::new_err("expected float16, float32 or uint32")),
+        }
+    }
+}
+
+/// One part of an OpenEXR file: its name, its channels, its windows as (x, y, width, height).
+#[pyclass(frozen, get_all, module = "dofsim._dofsim")]
+pub struct ExrPart {
+    name: Option<String>,
+    channels: Vec<String>,
+    data_window: (i32, i32, usize, usize),
+    display_window: (i32, i32, usize, usize),
+}
+
+/// The format of a file by its first bytes: "exr", "png", "tiff", "pfm", "npy" or "npz".
+#[pyfunction]
+pub fn file_kind(py: Python<'_>, path: PathBuf) -> PyResult<&'static str> {
+    Ok(py.detach(|| files::kind(&path))?.name())
+}
+
+/// The pixels of a PNG, TIFF or PFM file and what its last channel is: "none", "straight", "premultiplied".
+#[pyfunction]
+pub fn read_raster(py: Python<'_>, path: PathBuf) -> PyResult<(Pixmap<'_>, &'static str)> {
+    let raster = py.detach(|| files::read_raster(&path))?;
+    let alpha = match raster.alpha {
+        Alpha::None => "none",
+        Alpha::Straight => "straight",
+        Alpha::Premultiplied => "premultiplied",
+    };
+    Ok((Pixmap::new(py, raster)?, alpha))
+}
+
+/// The parts of an OpenEXR file.
+#[pyfunction]
+pub fn exr_parts(py: Python<'_>, path: PathBuf) -> PyResult<Vec<ExrPart>> {
+    let window = |w: openexr::Window| (w.x, w.y, w.width, w.height);
+    let parts = py.detach(|| openexr::parts(&path))?;
+    Ok(parts
+        .into_iter()
+        .map(|part| ExrPart {
+            name: part.name,
+            channels: part.channels,
+            data_window: window(part.data_window),
+            display_window: window(part.display_window),
+        })
+        .collect())
+}
+
+/// Channels of one part of an OpenEXR file as float32; `data` for the data window, else the display window
+/// with `fill` where nothing is stored.
+#[pyfunction]
+#[pyo3(signature = (path, part, channels, *, data, fill))]
+pub fn read_exr(
+    py: Python<'_>,
+    path: PathBuf,
+    part: usize,
+    channels: Vec<String>,
+    data: bool,
+    fill: f32,
+) -> PyResult<Pixmap<'_>> {
+    let view = if data { openexr::View::Data } else { openexr::View::Display };
+    let raster = py.detach(|| openexr::read(&path, part, &channels, view, fill))?;
+    Pixmap::new(py, raster)
+}
+
+type NamedChannels<'py> = Vec<(String, Contiguous<'py>)>;
+
+/// Writes parts, each a name and channels of (name, array), to an OpenEXR file.
+#[pyfunction]
+#[pyo3(signature = (path, parts, *, compression))]
+pub fn write_exr(
+    py: Python<'_>,
+    path: PathBuf,
+    parts: Vec<(Option<String>, NamedChannels<'_>)>,
+    compression: &str,
+) -> PyResult<()> {
+    let compression =
+        openexr::compression(compression).map_err(|problem| PyValueError::new_err(problem.to_string()))?;
+    let layers = parts
+        .iter()
+        .map(|(name, channels)| {
+            let Some(shape) = channels.first().map(|(_, array)| array.shape()) else {
+                return Err(PyValueError::new_err("a part without channels cannot be written"));
+            };
+            let channels = channels
+                .iter()
+                .map(|(name, array)| Ok(openexr::Channel { name: name.clone(), values: array.values()? }))
+                .collect::<PyResult<_>>()?;
+            Ok(openexr::Layer { name: name.clone(), width: shape.width, height: shape.height, channels })
+        })
+        .collect::<PyResult<_>>()?;
+    Ok(py.detach(|| openexr::write(&path, layers, compression))?)
+}
+
+/// Writes uint8 or uint16 pixels, sRGB with straight alpha, to a PNG file.
+#[pyfunction]
+pub fn write_png(py: Python<'_>, path: PathBuf, pixels: Contiguous<'_>) -> PyResult<()> {
+    let (pixels, shape) = (pixels.pixels()?, pixels.shape());
+    Ok(py.detach(|| files::png::write(&path, pixels, shape))?)
+}
+
+/// Writes uint8, uint16 or float32 pixels to a TIFF file.
+#[pyfunction]
+pub fn write_tiff(
+    py: Python<'_>,
+    path: PathBuf,
+    pixels: Contiguous<'_>,
+    premultiplied: bool,
+) -> PyResult<()> {
+    let alpha = if premultiplied { Alpha::Premultiplied } else { Alpha::Straight };
+    let (pixels, shape) = (pixels.pixels()?, pixels.shape());
+    Ok(py.detach(|| files::tiff::write(&path, pixels, shape, alpha))?)
+}
+
+/// Writes float32 pixels of 1 or 3 channels to a PFM file.
+#[pyfunction]
+pub fn write_pfm(py: Python<'_>, path: PathBuf, pixels: Contiguous<'_>) -> PyResult<()> {
+    let Pixels::F32(samples) = pixels.pixels()? else {
+        return Err(PyTypeError::new_err("expected float32"));
+    };
+    let shape = pixels.shape();
+    Ok(py.detach(|| files::pfm::write(&path, samples, shape))?)
+}
+
+/// Writes bytes to a file under a temporary name and moves it to its own when it is whole.
+#[pyfunction]
+pub fn write_bytes(py: Python<'_>, path: PathBuf, bytes: &[u8]) -> PyResult<()> {
+    Ok(py.detach(|| files::atomic::write_bytes(&path, bytes))?)
+}
+
+/// Integers as float32 from 0 to 1, in linear light if `srgb`. The last channel is left linear if it is
+/// `alpha`, which is a share of the area and not light.
+#[pyfunction]
+#[pyo3(signature = (codes, *, srgb, alpha))]
+pub fn decode_codes<'py>(
+    py: Python<'py>,
+    codes: Contiguous<'_>,
+    srgb: bool,
+    alpha: bool,
+) -> PyResult<Pixmap<'py>> {
+    fn decoded<T: Sample>(codes: &[T], transfers: &Transfers) -> Samples {
+        Samples::F32(codes.iter().zip(transfers.each()).map(|(v, t)| t.decode(v.to_code())).collect())
+    }
+    let (pixels, shape) = (codes.pixels()?, codes.shape());
+    let transfers = Transfers::new(shape, srgb, alpha);
+    let samples = py.detach(|| match pixels {
+        Pixels::U8(v) => decoded(v, &transfers),
+        Pixels::U16(v) => decoded(v, &transfers),
+        Pixels::F32(v) => decoded(v, &transfers),
+    });
+    Pixmap::new(py, transfers.raster(samples))
+}
+
+/// Linear light as integers of 8 or 16 bits, by sRGB but for an `alpha` channel at the end. Values outside 0
+/// to 1 are clipped; NaN becomes 0.
+#[pyfunction]
+#[pyo3(signature = (values, *, sixteen, alpha))]
+pub fn encode_codes<'py>(
+    py: Python<'py>,
+    values: Contiguous<'_>,
+    sixteen: bool,
+    alpha: bool,
+) -> PyResult<Pixmap<'py>> {
+    fn encoded<T: Sample>(values: &[f32], transfers: &Transfers) -> Vec<T> {
+        values.iter().zip(transfers.each()).map(|(v, t)| T::from_code(t.encode(v.clamp(0.0, 1.0)))).collect()
+    }
+    let Pixels::F32(pixels) = values.pixels()? else {
+        return Err(PyTypeError::new_err("expected float32"));
+    };
+    let transfers = Transfers::new(values.shape(), true, alpha);
+    let samples = py.detach(|| match sixteen {
+        false => Samples::U8(encoded(pixels, &transfers)),
+        true => Samples::U16(encoded(pixels, &transfers)),
+    });
+    Pixmap::new(py, transfers.raster(samples))
+}
+
+/// The transfer function of every channel of a pixel.
+struct Transfers {
+    shape: Shape,
+    channels: Vec<Transfer>,
+}
+
+impl Transfers {
+    fn new(shape: Shape, srgb: bool, alpha: bool) -> Self {
+        let mut channels = vec![if srgb { Transfer::Srgb } else { Transfer::Linear }; shape.channels];
+        if let (true, Some(last)) = (alpha, channels.last_mut()) {
+            *last = Transfer::Linear;
+        }
+        Self { shape, channels }
+    }
+
+    /// The functions of all samples of a picture, in their order.
+    fn each(&self) -> impl Iterator<Item = Transfer> {
+        self.channels.iter().copied().cycle()
+    }
+
+    fn raster(&self, samples: Samples) -> files::Raster {
+        let Shape { width, height, channels } = self.shape;
+        files::Raster { width, height, channels, alpha: Alpha::None, samples }
+    }
+}

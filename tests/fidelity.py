@@ -1,0 +1,136 @@
+"""How close dofsim comes to Mitsuba's thin lens: the table, scene by scene and method by method.
+
+Run `python tests/fidelity.py`. The scenes are rendered with Mitsuba the first time, which takes minutes,
+and kept under build/scenes/. A picture is compared with the reference as sRGB code values clipped to
+[0, 1]. All of them are left out of the comparison near the border, where the lens sees what the picture
+does not hold.
+"""
+
+import argparse
+import json
+import time
+from collections.abc import Callable
+from math import ceil
+from pathlib import Path
+
+import dofsim
+import numpy as np
+from dofsim import metrics
+from numpy.typing import NDArray
+from oracle.gather import gather
+from scenes.bundle import RECIPES, SUPERSAMPLE, load_bundle
+from scipy.ndimage import distance_transform_edt
+
+BORDER_PX = 30
+
+Bundle = dict[str, NDArray]
+
+# What is compared, in the table's order. A further method is a further line.
+METHODS: dict[str, Callable[[Bundle, dofsim.Lens], NDArray]] = {
+    "no blur": lambda b, lens: b["color"],
+    "gather": lambda b, lens: gather(b["color"], dofsim.coc(b["depth"], lens)),
+    "lens": lambda b, lens: dofsim.render(b["color"], b["depth"], lens),
+    "lens, 4 layers": lambda b, lens: dofsim.render(b["layers_color_1x"], b["layers_depth_1x"], lens),
+    "lens, 3x": lambda b, lens: dofsim.render(b["color_ss3"], b["depth_ss3"], lens, supersample=SUPERSAMPLE),
+    "lens, 3x, 4 layers": lambda b, lens: dofsim.render(
+        b["layers_color"], b["layers_depth"], lens, supersample=SUPERSAMPLE
+    ),
+    # Half of the reference's own samples against all of them differs as much as the reference does from
+    # the truth: no method can measurably do better.
+    "reference's noise": lambda b, lens: b["reference_a"],
+}
+
+MEASURES = {"psnr": metrics.psnr, "ssim": metrics.ssim, "flip": metrics.flip}
+
+
+def lens_of(bundle: Bundle) -> dofsim.Lens:
+    """Give the lens that a bundle's reference was taken with."""
+    return dofsim.Lens(
+        aperture_radius=float(bundle["aperture_radius"]),
+        focus_distance=float(bundle["focus_distance"]),
+        fov=float(bundle["fov"]),
+        fov_axis=str(bundle["fov_axis"]),
+    )
+
+
+def near_depth_edge(coc_px: NDArray[np.floating]) -> NDArray[np.bool_]:
+    """Find the pixels no farther from a depth edge than the larger blur of its two sides.
+
+    A depth edge lies between neighbours whose CoC radii differ by more than a pixel.
+    """
+    edge_radius = np.zeros(coc_px.shape)
+    for axis in (0, 1):
+        first, second = np.moveaxis(coc_px, axis, 0)[:-1], np.moveaxis(coc_px, axis, 0)[1:]
+        radius = np.where(np.abs(first - second) > 1.0, np.maximum(np.abs(first), np.abs(second)), 0.0)
+        along = np.moveaxis(edge_radius, axis, 0)
+        along[:-1] = np.maximum(along[:-1], radius)
+        along[1:] = np.maximum(along[1:], radius)
+    near = np.zeros(coc_px.shape, bool)
+    for reach in range(1, ceil(edge_radius.max()) + 1):
+        reaching = edge_radius > reach - 1
+        near |= distance_transform_edt(~reaching) <= reach
+    return near
+
+
+def masks_of(bundle: Bundle) -> dict[str, NDArray[np.bool_]]:
+    """Name the regions that are measured apart, by the blur of the surface that the pinhole sees."""
+    coc_px = dofsim.coc(bundle["depth"], lens_of(bundle))
+    return {
+        "overall": np.ones(coc_px.shape, bool),
+        "in focus": np.abs(coc_px) <= 1.0,
+        "behind": coc_px > 1.0,
+        "in front": coc_px < -1.0,
+        "near edges": near_depth_edge(coc_px),
+    }
+
+
+def measure(bundle: Bundle) -> list[dict]:
+    """Run every method on a bundle; one record a method."""
+    lens, masks = lens_of(bundle), masks_of(bundle)
+    inside = np.s_[BORDER_PX:-BORDER_PX, BORDER_PX:-BORDER_PX]
+    records = []
+    for method, run in METHODS.items():
+        start = time.perf_counter()
+        picture = run(bundle, lens)
+        seconds = time.perf_counter() - start
+        regions = {
+            region: {
+                name: score(picture[..., :3], bundle["reference"], border=BORDER_PX, mask=mask)
+                for name, score in MEASURES.items()
+            }
+            for region, mask in masks.items()
+            if mask[inside].any()
+        }
+        records.append({"method": method, "seconds": seconds, "regions": regions})
+    return records
+
+
+def print_table(scene: str, records: list[dict]) -> None:
+    """Print a scene's rows: PSNR in dB, SSIM and FLIP of each region."""
+    regions = list(records[0]["regions"])
+    print(f"\n{scene:20}" + "".join(f"{region:>21}" for region in regions) + f"{'seconds':>9}")
+    print(" " * 20 + f"{'dB   SSIM   FLIP':>21}" * len(regions))
+    for record in records:
+        cells = (f"{r['psnr']:8.2f} {r['ssim']:.4f} {r['flip']:.3f}" for r in record["regions"].values())
+        print(f"{record['method']:20}" + "".join(f"{c:>21}" for c in cells) + f"{record['seconds']:9.2f}")
+
+
+def main() -> None:
+    """Measure dofsim against Mitsuba's thin lens."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("--scene", action="append", choices=RECIPES, help="may be repeated; default: all")
+    parser.add_argument("--size", default="512x384", help="width x height in pixels")
+    parser.add_argument("--json", type=Path, help="also write the numbers to this file")
+    arguments = parser.parse_args()
+    width, height = (int(side) for side in arguments.size.split("x"))
+    results = {}
+    for scene in arguments.scene or RECIPES:
+        results[scene] = measure(load_bundle(scene, width, height))
+        print_table(scene, results[scene])
+    if arguments.json:
+        arguments.json.parent.mkdir(parents=True, exist_ok=True)
+        arguments.json.write_text(json.dumps({"size": [width, height], "scenes": results}, indent=1))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Scenes of the project's own, rendered with Mitsuba 3 as the ground truth."""

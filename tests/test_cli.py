@@ -1,0 +1,381 @@
+"""The `dofsim` command: what it writes, what it prints, what it refuses and how."""
+
+import subprocess
+import sys
+
+import dofsim
+import numpy as np
+import pytest
+from dofsim import io
+from dofsim.cli import run
+
+LENS = {"aperture_radius": 0.03, "focus_distance": 3.0, "fov": 40.0}
+LENS_OPTIONS = ["--aperture-radius", "0.03", "--focus-distance", "3", "--fov", "40"]
+HEIGHT, WIDTH = 48, 64
+
+
+@pytest.fixture
+def scene(tmp_path, monkeypatch):
+    """Go to a folder with a small scene in several formats; give its colour and depth."""
+    monkeypatch.chdir(tmp_path)
+    color = np.random.default_rng(4).random((HEIGHT, WIDTH, 3)).astype(np.float32)
+    depth = np.full((HEIGHT, WIDTH), 6.0, np.float32)
+    depth[10:30, 20:40] = 1.5
+    depth[:4] = np.inf
+    io.write_image("a.exr", color, depth=depth)
+    io.write_image("a.png", color)
+    io.write_depth("z.pfm", depth)
+    return color, depth
+
+
+def fails(capsys, status, *arguments):
+    """Run a command that must fail with one line on the standard error stream; give the line."""
+    assert run([str(argument) for argument in arguments]) == status
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1
+    assert err.startswith("dofsim: ")
+    assert "Traceback" not in err
+    return err
+
+
+# The command itself
+
+
+def test_version_is_printed_without_numpy():
+    script = "import sys; from dofsim.cli import run; run(['--version']); print('numpy' in sys.modules)"
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert result.stdout.split() == ["dofsim", dofsim.__version__, "False"]
+
+
+def test_the_script_ends_with_the_status(tmp_path):
+    command = [sys.executable, "-c", "from dofsim.cli import main; main()", "render", "no.exr", "-o", "o.exr"]
+    result = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert result.returncode == 2
+    assert result.stderr == "dofsim: no.exr: No such file or directory\n"
+
+
+def test_help_lists_the_commands(capsys):
+    assert run(["--help"]) == 0
+    help_text = capsys.readouterr().out
+    assert all(command in help_text for command in ("render", "coc", "compare", "demo"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["rendre"], "No such command"),
+        (["render", "a.exr"], "Missing option"),
+        (["render", "a.exr", "-o", "o.exr", "--fov", "wide"], "--fov"),
+        (["render", "a.exr", "-o", "o.exr", "--sideways"], "--sideways"),
+    ],
+)
+def test_usage_errors(scene, capsys, arguments, message):
+    assert message in fails(capsys, 2, *arguments)
+
+
+# render
+
+
+def test_render_writes_what_the_function_gives(scene, capsys):
+    color, depth = scene
+    assert run(["render", "a.exr", "-o", "o.exr", *LENS_OPTIONS]) == 0
+    assert capsys.readouterr().out.startswith(f"o.exr: {WIDTH} x {HEIGHT}, rendered in 0.")
+    expected = dofsim.render(color, depth, dofsim.Lens(**LENS))
+    np.testing.assert_array_equal(io.read_color("o.exr").pixels, expected)
+    assert np.abs(expected - color).max() > 0.1
+
+
+def test_render_of_integers_in_two_files(scene):
+    _, depth = scene
+    assert run(["render", "a.png", "z.pfm", "-o", "o.png", *LENS_OPTIONS]) == 0
+    codes = io.read_color("a.png").pixels
+    expected = dofsim.render(codes, depth, dofsim.Lens(**LENS), transfer="srgb")
+    result = io.read_color("o.png").pixels
+    assert result.dtype == np.uint8
+    # The function rounds straight to integers, the command on its way through float32 files.
+    assert np.abs(result.astype(int) - expected.astype(int)).max() <= 1
+    assert run(["render", "a.png", "z.pfm", "-o", "linear.png", *LENS_OPTIONS, "--transfer", "linear"]) == 0
+    assert np.abs(io.read_color("linear.png").pixels.astype(int) - result).max() > 5
+
+
+def test_render_keeps_sixteen_bits(scene):
+    color, _ = scene
+    io.write_image("deep.png", color, dtype="uint16")
+    assert run(["render", "deep.png", "z.pfm", "-o", "o.png", *LENS_OPTIONS]) == 0
+    assert io.read_color("o.png").pixels.dtype == np.uint16
+    assert run(["render", "deep.png", "z.pfm", "-o", "o8.png", *LENS_OPTIONS, "--dtype", "uint8"]) == 0
+    assert io.read_color("o8.png").pixels.dtype == np.uint8
+
+
+def test_render_passes_every_option_on(scene, monkeypatch):
+    color, depth = scene
+    calls = []
+
+    def render(*arguments, **options):
+        calls.append((arguments, options))
+        return color
+
+    monkeypatch.setattr(dofsim, "render", render)
+    extra = {
+        "--method": "lens", "--device": "cpu", "--blades": "6", "--rotation": "15", "--near": "0.5",
+        "--far": "20", "--depth-kind": "distance", "--invalid": "far", "--overscan": "2",
+        "--supersample": "4", "--threads": "3", "--depth-scale": "2",
+    }  # fmt: skip
+    flags = [word for pair in extra.items() for word in pair]
+    assert run(["render", "a.exr", "-o", "o.exr", *LENS_OPTIONS, "--fov-axis", "y", *flags]) == 0
+    ((arguments, options),) = calls
+    np.testing.assert_array_equal(arguments[0], color)
+    np.testing.assert_array_equal(arguments[1], 2 * depth)
+    assert arguments[2] == dofsim.Lens(**LENS, fov_axis="y")
+    assert options == {
+        "method": "lens", "device": "cpu", "aperture": dofsim.Aperture(blades=6, rotation=15.0),
+        "depth_kind": "distance", "near": 0.5, "far": 20.0, "invalid": "far", "alpha": "none",
+        "overscan": 2, "supersample": 4, "threads": 3,
+    }  # fmt: skip
+
+
+def test_an_input_under_another_name_is_not_overwritten(scene, tmp_path, capsys):
+    (tmp_path / "link.exr").symlink_to(tmp_path / "a.exr")
+    assert "link.exr: is one of the inputs" in fails(
+        capsys, 2, "render", "a.exr", "-o", "link.exr", *LENS_OPTIONS
+    )
+
+
+def test_render_of_alpha(scene, monkeypatch):
+    color, depth = scene
+    cover = np.full((HEIGHT, WIDTH, 1), 0.5, np.float32)
+    cover[10:30, 20:40] = 0.25
+    io.write_image("alpha.exr", np.concatenate([color * cover, cover], axis=-1), depth=depth)
+    assert run(["render", "alpha.exr", "-o", "o.exr", *LENS_OPTIONS]) == 0
+    result = io.read_color("o.exr")
+    assert result.alpha == "premultiplied"
+    expected = dofsim.render(
+        io.read_color("alpha.exr").pixels, depth, dofsim.Lens(**LENS), alpha="premultiplied"
+    )
+    np.testing.assert_array_equal(result.pixels, expected)
+    stated = []
+    real = dofsim.render
+    monkeypatch.setattr(dofsim, "render", lambda *a, **o: (stated.append(o["alpha"]), real(*a, **o))[1])
+    assert run(["render", "alpha.exr", "-o", "s.exr", *LENS_OPTIONS, "--alpha", "straight"]) == 0
+    assert stated == ["premultiplied"]
+    straight = io.read_color("s.exr").pixels
+    np.testing.assert_allclose(straight[34:, :, :3], result.pixels[34:, :, :3] / 2, atol=1e-3)
+
+
+def test_depth_channel_and_layer(scene):
+    color, depth = scene
+    layers = {f"sharp.{name}": color[..., index] for index, name in enumerate("RGB")}
+    layers |= {f"dull.{name}": np.zeros_like(depth) for name in "RGB"}
+    io.write_exr("layers.exr", {**layers, "left.Z": depth, "right.Z": depth * 2})
+    arguments = ["render", "layers.exr", *LENS_OPTIONS, "--layer", "sharp", "--depth-channel", "left.Z"]
+    assert run([*arguments, "-o", "o.exr"]) == 0
+    expected = dofsim.render(color, depth, dofsim.Lens(**LENS))
+    np.testing.assert_array_equal(io.read_color("o.exr").pixels, expected)
+
+
+def test_ambiguous_files_list_their_channels(scene, capsys):
+    io.write_exr("two.exr", {"Y": np.ones((2, 2)), "left.Z": np.ones((2, 2)), "right.Z": np.ones((2, 2))})
+    message = fails(capsys, 2, "render", "two.exr", "-o", "o.exr", *LENS_OPTIONS)
+    assert "two.exr: several channels may be the depth: left.Z, right.Z" in message
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "message"),
+    [
+        (["a.exr", "-o", "a.exr"], 2, "a.exr: is one of the inputs"),
+        (["a.png", "z.pfm", "-o", "./z.pfm"], 2, "is one of the inputs"),
+        (["a.exr", "-o", "o.jpg"], 2, "suffix '.jpg' is not one of .exr"),
+        (["a.exr", "-o", "no/o.exr"], 2, "no: there is no such folder"),
+        (["a.png", "-o", "o.exr"], 2, "holds no depth"),
+        (["a.exr", "no.pfm", "-o", "o.exr"], 2, "no.pfm: No such file"),
+        (["a.exr", "-o", "o.exr", "--transfer", "rec709"], 2, "--transfer takes linear, srgb"),
+        (["a.exr", "-o", "o.exr", "--dtype", "double"], 2, "--dtype takes half, float"),
+        (["a.exr", "-o", "o.exr", "--depth-kind", "meters"], 2, "depth_kind must be one of"),
+        (["a.exr", "-o", "o.exr", "--blades", "2"], 2, "blades"),
+        (["a.exr", "-o", "o.exr", "--supersample", "7"], 2, "supersample"),
+        (["a.exr", "-o", "o.exr", "--focus-at", "3"], 2, "--focus-at takes a column and a row"),
+        (["a.exr", "-o", "o.exr", "--focus-at", "64,0"], 2, "--focus-at: x must lie within 64"),
+    ],
+)
+def test_what_render_refuses(scene, tmp_path, capsys, arguments, status, message):
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    assert message in fails(capsys, status, "render", *arguments, *LENS_OPTIONS)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_the_machine_at_fault_is_status_one(scene, capsys, monkeypatch):
+    def render(*_, **__):
+        raise dofsim.DeviceError("there is no GPU")
+
+    monkeypatch.setattr(dofsim, "render", render)
+    message = fails(capsys, 1, "render", "a.exr", "-o", "o.exr", "--device", "gpu", *LENS_OPTIONS)
+    assert "there is no GPU" in message
+    monkeypatch.setattr(dofsim, "render", lambda *_, **__: 1 / 0)
+    assert "internal error: ZeroDivisionError" in fails(
+        capsys, 1, "render", "a.exr", "-o", "o.exr", *LENS_OPTIONS
+    )
+
+
+# The lens
+
+
+def lens_of(monkeypatch, *arguments):
+    """Give the lens and the aperture that a command comes to."""
+    calls = []
+
+    def render(color, depth, lens, *, aperture, **_):
+        calls.append((lens, aperture))
+        return color
+
+    monkeypatch.setattr(dofsim, "render", render)
+    assert run(["render", "a.exr", "-o", "o.exr", *arguments]) == 0
+    return calls[0]
+
+
+def test_lens_of_a_camera(scene, monkeypatch):
+    arguments = ["--focal-length-mm", "50", "--f-number", "1.8", "--focus-distance", "3"]
+    lens, _ = lens_of(monkeypatch, *arguments)
+    assert lens == dofsim.Lens.from_camera(focal_length_mm=50, f_number=1.8, focus_distance=3.0)
+    lens, _ = lens_of(monkeypatch, *arguments, "--sensor-width-mm", "24")
+    assert lens == dofsim.Lens.from_camera(
+        focal_length_mm=50, f_number=1.8, focus_distance=3.0, sensor_width_mm=24
+    )
+
+
+def test_lens_of_a_file_and_options_beside_it(scene, tmp_path, monkeypatch):
+    path = tmp_path / "lens.toml"
+    path.write_text('aperture_radius = 0.03\nfocus_distance = 3\nfov = 40.0\nfov_axis = "y"\n')
+    lens, aperture = lens_of(monkeypatch, "--lens", "lens.toml")
+    assert lens == dofsim.Lens(**LENS, fov_axis="y")
+    assert aperture == dofsim.Aperture()
+    lens, _ = lens_of(monkeypatch, "--lens", "lens.toml", "--focus-distance", "5")
+    assert lens.focus_distance == 5.0
+    path.write_text(path.read_text() + "[aperture]\nblades = 5\nrotation = 10.0\n")
+    _, aperture = lens_of(monkeypatch, "--lens", "lens.toml", "--rotation", "20")
+    assert aperture == dofsim.Aperture(blades=5, rotation=20.0)
+
+
+def test_lens_over_relative_disparity(scene, tmp_path, monkeypatch):
+    (tmp_path / "lens.toml").write_text("strength_px = 20.0\nfocus = 0.5\n")
+    lens, _ = lens_of(monkeypatch, "--lens", "lens.toml", "--depth-kind", "disparity")
+    assert lens == dofsim.Lens.from_disparity(strength_px=20.0, focus=0.5)
+
+
+def test_focus_at_a_pixel(scene, monkeypatch):
+    lens, _ = lens_of(monkeypatch, "--aperture-radius", "0.03", "--fov", "40", "--focus-at", "25,15")
+    assert lens.focus_distance == pytest.approx(1.5)
+    assert lens == dofsim.Lens(**LENS).replace(focus_distance=lens.focus_distance)
+    # The field of view of a camera depends on its focus.
+    lens, _ = lens_of(monkeypatch, "--focal-length-mm", "50", "--f-number", "2", "--focus-at", "25,15")
+    camera = dofsim.Lens.from_camera(focal_length_mm=50, f_number=2.0, focus_distance=1.5)
+    assert (lens.focus_distance, lens.fov) == pytest.approx((1.5, camera.fov))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "--aperture-radius --focus-distance --fov missing"),
+        (["--fov", "40", "--focus-distance", "3"], "--aperture-radius missing"),
+        (["--f-number", "2", "--focus-distance", "3"], "--focal-length-mm missing"),
+        ([*LENS_OPTIONS, "--f-number", "2"], "has no --aperture-radius --fov"),
+        (["--lens", "no.toml"], "no.toml: No such file"),
+        (["--lens", "a.exr"], "a.exr: not a TOML file"),
+    ],
+)
+def test_lenses_that_are_none(scene, capsys, arguments, message):
+    assert message in fails(capsys, 2, "render", "a.exr", "-o", "o.exr", *arguments)
+
+
+# coc
+
+
+def test_coc_as_numbers(scene, capsys):
+    _, depth = scene
+    expected = dofsim.coc(depth, dofsim.Lens(**LENS))
+    assert run(["coc", "a.exr", "-o", "coc.exr", *LENS_OPTIONS]) == 0
+    low, high = expected.min(), expected.max()
+    assert capsys.readouterr().out == f"coc.exr: radius from {low:+.2f} px (near) to {high:+.2f} px (far)\n"
+    np.testing.assert_array_equal(io.read_exr("coc.exr")["coc"], expected)
+    assert run(["coc", "z.pfm", "-o", "coc.npy", *LENS_OPTIONS]) == 0
+    np.testing.assert_array_equal(np.load("coc.npy"), expected)
+
+
+def test_coc_as_colors(scene):
+    assert run(["coc", "z.pfm", "-o", "coc.png", *LENS_OPTIONS, "--focus-at", "0,40"]) == 0
+    picture = io.read_color("coc.png").pixels[..., :3].astype(int)
+    # The picture is drawn enlarged, and there is a title above it and a scale on its right.
+    assert picture.shape[0] > HEIGHT
+    assert picture.shape[1] > WIDTH + 100
+    light = (picture > 230).all(axis=-1) & (picture < 250).all(axis=-1)
+    zoom = 4
+    red = picture[..., 0] > picture[..., 2] + 60
+    blue = picture[..., 2] > picture[..., 0] + 60
+    assert light.sum() > 0.5 * HEIGHT * WIDTH * zoom**2
+    assert red.sum() >= 20 * 20 * zoom**2
+    assert blue[:, WIDTH * zoom :].any()
+    # The red square is where the near surface is: right of the left edge, below the top.
+    rows, columns = np.nonzero(red[:, : WIDTH * zoom])
+    assert columns.min() == pytest.approx(14 + 20 * zoom, abs=1)
+    assert rows.min() == pytest.approx(30 + 10 * zoom, abs=1)
+
+
+def test_coc_limit_sets_the_scale(scene):
+    assert run(["coc", "z.pfm", "-o", "a1.png", *LENS_OPTIONS, "--limit", "0.01"]) == 0
+    assert run(["coc", "z.pfm", "-o", "a2.png", *LENS_OPTIONS, "--limit", "1000"]) == 0
+    strong, weak = io.read_color("a1.png").pixels, io.read_color("a2.png").pixels
+    assert strong[60:200, 30:250, :3].mean() < weak[60:200, 30:250, :3].mean() - 80
+
+
+def test_coc_refuses_a_bad_limit(scene, capsys):
+    assert "limit" in fails(capsys, 2, "coc", "z.pfm", "-o", "o.png", *LENS_OPTIONS, "--limit", "-1")
+
+
+# compare
+
+
+def test_compare_prints_the_metrics(scene, capsys):
+    from dofsim import metrics
+
+    color, _ = scene
+    other = np.clip(color + 0.05, 0, 1)
+    io.write_image("b.exr", other)
+    assert run(["compare", "a.exr", "b.exr", "--border", "4"]) == 0
+    values = [f(color, other, border=4) for f in (metrics.psnr, metrics.ssim, metrics.flip)]
+    expected = "PSNR {:.2f} dB, SSIM {:.4f}, FLIP {:.4f}\n".format(*values)
+    assert capsys.readouterr().out == expected
+    assert run(["compare", "a.exr", "a.exr"]) == 0
+    assert capsys.readouterr().out == "PSNR inf dB, SSIM 1.0000, FLIP 0.0000\n"
+
+
+def test_compare_of_pictures_with_alpha(scene, capsys):
+    color, _ = scene
+    cover = np.full((HEIGHT, WIDTH, 1), 0.5, np.float32)
+    io.write_image("cover.exr", np.concatenate([color, cover], axis=-1))
+    assert run(["compare", "a.exr", "cover.exr"]) == 0
+    assert capsys.readouterr().out == "PSNR inf dB, SSIM 1.0000, FLIP 0.0000\n"
+
+
+def test_compare_draws_the_difference(scene):
+    color, _ = scene
+    other = color.copy()
+    other[20:30, 20:30] = 1 - other[20:30, 20:30]
+    io.write_image("b.exr", other)
+    assert run(["compare", "a.exr", "b.exr", "-o", "d.png"]) == 0
+    panel = io.read_color("d.png").pixels[..., :3].astype(int)
+    top = 30 + 4 * HEIGHT + 14 + 30
+    difference = panel[top : top + 4 * HEIGHT, 14 : 14 + 4 * WIDTH]
+    assert (difference[:60] == 0).all()
+    assert difference[100:110, 100:110].sum() > 0
+
+
+def test_compare_refuses(scene, capsys):
+    assert "different shapes" in fails(capsys, 2, "compare", "a.exr", "z.pfm")
+    assert "is one of the inputs" in fails(capsys, 2, "compare", "a.exr", "a.png", "-o", "a.png")
+    assert "'.exr' is not one of .png" in fails(capsys, 2, "compare", "a.exr", "a.png", "-o", "o.exr")
+
+
+def test_missing_packages_are_named(scene, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    message = fails(capsys, 1, "coc", "z.pfm", "-o", "o.png", *LENS_OPTIONS)
+    assert "pip install dofsim[metrics]" in message

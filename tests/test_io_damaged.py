@@ -1,0 +1,251 @@
+"""Files that are not what they claim to be: each is a ValueError that names the file, and cheap."""
+
+import io as bytes_io
+import resource
+import struct
+import zipfile
+import zlib
+
+import numpy as np
+import OpenEXR
+import pytest
+import tifffile
+from dofsim import io
+
+READERS = [io.read_color, io.read_depth]
+
+
+def exr(compression="ZIP", size=(20, 30)):
+    rng = np.random.default_rng(3)
+    buffer = {"RGB": rng.random((*size, 3)).astype(np.float16), "Z": rng.random(size).astype(np.float32)}
+    return {"compression": getattr(OpenEXR, f"{compression}_COMPRESSION")}, buffer
+
+
+def sound_files(folder):
+    """One file of each kind, as bytes."""
+    pixels = np.arange(20 * 30, dtype=np.uint16).reshape(20, 30)
+    files = {}
+    for compression in ("NO", "RLE", "ZIP", "PIZ", "PXR24", "B44A", "DWAA"):
+        header, channels = exr(compression)
+        with OpenEXR.File(header, channels) as file:
+            file.write(str(folder / "sound"))
+        files[f"{compression}.exr"] = (folder / "sound").read_bytes()
+    for compression in (None, "zlib"):
+        tifffile.imwrite(folder / "sound", pixels, compression=compression)
+        files[f"{compression}.tif"] = (folder / "sound").read_bytes()
+    for suffix in (".png", ".pfm", ".npy", ".npz"):
+        path = folder / f"sound{suffix}"
+        io.write_image(path, pixels)
+        files[suffix] = path.read_bytes()
+        path.unlink()
+    (folder / "sound").unlink()
+    return files
+
+
+def header_exr(width, height, sampling=1):
+    """Make an OpenEXR header without pixels."""
+
+    def attribute(name, kind, value):
+        return name.encode() + b"\0" + kind.encode() + b"\0" + struct.pack("<i", len(value)) + value
+
+    box = struct.pack("<4i", 0, 0, width - 1, height - 1)
+    channel = b"Y\0" + struct.pack("<iiii", 2, 0, sampling, sampling) + b"\0"
+    return (
+        b"\x76\x2f\x31\x01\x02\0\0\0"
+        + attribute("channels", "chlist", channel)
+        + attribute("compression", "compression", b"\x03")
+        + attribute("dataWindow", "box2i", box)
+        + attribute("displayWindow", "box2i", box)
+        + attribute("lineOrder", "lineOrder", b"\0")
+        + attribute("pixelAspectRatio", "float", struct.pack("<f", 1))
+        + attribute("screenWindowCenter", "v2f", struct.pack("<2f", 0, 0))
+        + attribute("screenWindowWidth", "float", struct.pack("<f", 1))
+        + b"\0"
+    ).ljust(1024, b"\0")
+
+
+def header_png(width, height):
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    size = struct.pack(">IIBBBBB", width, height, 16, 0, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", size) + chunk(b"IDAT", zlib.compress(bytes(900)))
+
+
+def header_tiff(width, height):
+    tags = [
+        (256, 4, 1, width),
+        (257, 4, 1, height),
+        (258, 3, 1, 16),
+        (259, 3, 1, 1),
+        (262, 3, 1, 1),
+        (273, 4, 1, 8),
+        (277, 3, 1, 1),
+        (278, 4, 1, height),
+        (279, 4, 1, 2 * width * height & 0xFFFFFFFF),
+    ]
+    directory = b"".join(struct.pack("<HHII", *tag) for tag in tags)
+    return (b"II*\0" + struct.pack("<IH", 8, len(tags)) + directory + bytes(4)).ljust(1024, b"\0")
+
+
+def header_npy(width, height):
+    header = f"{{'descr': '<f4', 'fortran_order': False, 'shape': ({height}, {width}), }}".ljust(117) + "\n"
+    return b"\x93NUMPY\x01\0" + struct.pack("<H", len(header)) + header.encode()
+
+
+def header_npz(width, height):
+    buffer = bytes_io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        archive.writestr("depth.npy", header_npy(width, height))
+    return buffer.getvalue()
+
+
+HUGE = {
+    "exr": header_exr,
+    "png": header_png,
+    "tif": header_tiff,
+    "pfm": lambda width, height: f"Pf\n{width} {height}\n-1.0\n".encode().ljust(1024, b"\0"),
+    "npy": header_npy,
+    "npz": header_npz,
+}
+
+
+@pytest.mark.parametrize("read", READERS)
+@pytest.mark.parametrize("kind", list(HUGE))
+def test_a_short_file_that_claims_a_huge_picture_is_cheap(tmp_path, read, kind):
+    path = tmp_path / f"huge.{kind}"
+    path.write_bytes(HUGE[kind](60000, 60000))
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(ValueError, match=rf"huge\.{kind}: .*cannot hold"):
+        read(path)
+    # Kibibytes on Linux, and bytes elsewhere, where this is no test.
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 64 * 1024
+
+
+@pytest.mark.parametrize("kind", list(HUGE))
+def test_the_same_headers_with_a_small_claim_are_truncated_files(tmp_path, kind):
+    path = tmp_path / "small"
+    path.write_bytes(HUGE[kind](600, 600))
+    with pytest.raises(ValueError, match="small: damaged file"):
+        io.read_depth(path)
+
+
+def test_truncated_files(tmp_path):
+    path = tmp_path / "cut"
+    for data in sound_files(tmp_path).values():
+        path.write_bytes(data)
+        io.read_depth(path)
+        for length in (0, 3, 9, len(data) // 2, len(data) - 40):
+            path.write_bytes(data[:length])
+            with pytest.raises(ValueError, match="cut: "):
+                io.read_depth(path)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_files_with_wrong_bytes_are_read_or_refused(tmp_path):
+    rng = np.random.default_rng(5)
+    path = tmp_path / "mutant"
+    files = list(sound_files(tmp_path).values())
+    refused = unnamed = 0
+    for number in range(1500):
+        data = bytearray(files[number % len(files)])
+        for _ in range(rng.integers(1, 6)):
+            data[rng.integers(min(len(data), rng.choice([400, 10**9])))] = rng.integers(256)
+        path.write_bytes(data)
+        for read in READERS:
+            try:
+                read(path)
+            except ValueError as error:
+                refused += str(path) in str(error)
+                unnamed += str(path) not in str(error)
+    assert unnamed == 0
+    assert refused > 500
+
+
+@pytest.mark.parametrize("counter", range(1, 10))
+def test_dwa_block_that_claims_huge_sections(tmp_path, counter):
+    path = tmp_path / "a.exr"
+    header, _ = exr("DWAA")
+    with OpenEXR.File(header, {"Z": np.zeros((64, 64), np.float16)}) as file:
+        file.write(str(path))
+    assert io.read_depth(path).shape == (64, 64)
+    data = bytearray(path.read_bytes())
+    # The header ends with its type. Then come the offsets of the blocks; a block is its row, its length, and
+    # the eleven numbers that the decoder sets memory aside by.
+    end = data.index(b"scanlineimage\0") + len(b"scanlineimage\0")
+    (block,) = struct.unpack_from("<Q", data, end)
+    struct.pack_into("<Q", data, block + 8 + 8 * counter, 1 << 52)
+    path.write_bytes(data)
+    with pytest.raises(ValueError, match="claims more than its pixels need"):
+        io.read_depth(path)
+
+
+def test_exr_that_stores_one_block_twice_and_another_never(tmp_path):
+    path = tmp_path / "a.exr"
+    header, channels = exr("NO")
+    with OpenEXR.File(header, channels) as file:
+        file.write(str(path))
+    data = bytearray(path.read_bytes())
+    end = data.index(b"scanlineimage\0") + len(b"scanlineimage\0")
+    data[end + 8 : end + 16] = data[end : end + 8]
+    path.write_bytes(data)
+    with pytest.raises(ValueError, match="stored twice, another one never"):
+        io.read_depth(path)
+
+
+@pytest.mark.parametrize(
+    ("start", "found"),
+    [
+        (b"", "an empty file"),
+        (b"\xff\xd8\xff\xe0", "JPEG"),
+        (b"#?RADIANCE\n", "Radiance"),
+        (b"hello, world", r'begins with "hello, w"'),
+    ],
+)
+def test_foreign_files_are_called_by_their_names(tmp_path, start, found):
+    path = tmp_path / "a.exr"
+    path.write_bytes(start)
+    with pytest.raises(ValueError, match=rf"a\.exr: found .*{found}.*accepted: OpenEXR, PNG, TIFF"):
+        io.read_color(path)
+
+
+def test_deep_and_subsampled_exr_are_refused(tmp_path):
+    path = tmp_path / "a.exr"
+    deep = np.empty((2, 2), dtype=object)
+    for index in np.ndindex(deep.shape):
+        deep[index] = np.array([1.0, 2.0], np.float32)
+    header = {"type": OpenEXR.deepscanline, "compression": OpenEXR.ZIPS_COMPRESSION}
+    with OpenEXR.File(header, {"Z": deep}) as file:
+        file.write(str(path))
+    with pytest.raises(ValueError, match=r"deep.*accepted: flat"):
+        io.read_depth(path)
+    path.write_bytes(header_exr(4, 4, sampling=2))
+    with pytest.raises(ValueError, match=r"subsampling.*a sample for every pixel"):
+        io.read_color(path)
+
+
+def test_tiff_of_other_colors_and_types_is_refused(tmp_path):
+    path = tmp_path / "a.tif"
+    tifffile.imwrite(path, np.zeros((4, 4, 4), np.uint8), photometric="separated")
+    with pytest.raises(ValueError, match=r"found CMYK.*accepted: grey"):
+        io.read_color(path)
+    tifffile.imwrite(path, np.zeros((4, 4), np.int16))
+    with pytest.raises(ValueError, match="signed integers"):
+        io.read_color(path)
+    tifffile.imwrite(path, np.zeros((4, 4), np.bool_))
+    with pytest.raises(ValueError, match="samples of 1 bits"):
+        io.read_color(path)
+    tifffile.imwrite(path, np.zeros((4, 4), np.uint8), extratags=[(274, 3, 1, 6, False)])
+    with pytest.raises(ValueError, match="orientation 6"):
+        io.read_color(path)
+
+
+def test_numpy_files_never_run_pickles(tmp_path):
+    path = tmp_path / "a.npy"
+    np.save(path, np.array([[{"a": 1}]], dtype=object), allow_pickle=True)
+    with pytest.raises(ValueError, match="Python objects"):
+        io.read_depth(path)
+    np.save(path, np.zeros((3, 3), np.complex64))
+    for read in READERS:
+        with pytest.raises(ValueError, match="complex64"):
+            read(path)
