@@ -30,6 +30,7 @@ METHODS: dict[str, Callable[[Bundle, dofsim.Lens], NDArray]] = {
     "no blur": lambda b, lens: b["color"],
     "gather": lambda b, lens: gather(b["color"], dofsim.coc(b["depth"], lens)),
     "lens": lambda b, lens: dofsim.render(b["color"], b["depth"], lens),
+    # Sampled at pixel centres, as the rest of the layers: what is in focus shows it.
     "lens, 4 layers": lambda b, lens: dofsim.render(b["layers_color_1x"], b["layers_depth_1x"], lens),
     "lens, 3x": lambda b, lens: dofsim.render(b["color_ss3"], b["depth_ss3"], lens, supersample=SUPERSAMPLE),
     "lens, 3x, 4 layers": lambda b, lens: dofsim.render(

@@ -180,7 +180,7 @@ def write_exr(path: Path, color: np.ndarray, depth: np.ndarray | None = None) ->
     halves = ((bits + 2) & ~np.uint16(3)).view(np.float16)
     channels = {name: np.ascontiguousarray(halves[..., i]) for i, name in enumerate("RGB")}
     if depth is not None:
-        # A half's 11 bits put the circle of confusion wrong by less than a hundredth of a pixel.
+        # A half's 11 bits put the circle of confusion wrong by a fiftieth of a pixel at most.
         channels["Z"] = depth.astype(np.float16)
     header = {"compression": OpenEXR.PIZ_COMPRESSION, "type": OpenEXR.scanlineimage}
     OpenEXR.File(header, channels).write(str(path))
