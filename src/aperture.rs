@@ -342,7 +342,8 @@ mod tests {
     fn a_kernel_in_front_is_the_one_behind_turned_round() {
         let aperture = Aperture::new(3, 20.0, None).unwrap();
         let sorted = |t: f64, sign: i32| {
-            let mut w: Vec<_> = aperture.kernel(t).weights().map(|(x, y, w)| (sign * x, sign * y, w)).collect();
+            let mut w: Vec<_> =
+                aperture.kernel(t).weights().map(|(x, y, w)| (sign * x, sign * y, w)).collect();
             w.sort_by_key(|w| (w.1, w.0));
             w
         };

@@ -139,11 +139,8 @@ impl Lens {
                  got {focus_distance}"
             ));
         }
-        let image_distance = if focus_distance.is_infinite() {
-            f
-        } else {
-            f * focus_distance / (focus_distance - f)
-        };
+        let image_distance =
+            if focus_distance.is_infinite() { f } else { f * focus_distance / (focus_distance - f) };
         let fov = 2.0 * (0.5 * sensor / image_distance).atan().to_degrees();
         Lens::thin(f / (2.0 * n), focus_distance, fov, FovAxis::X)
     }

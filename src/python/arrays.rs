@@ -8,8 +8,8 @@ use crate::picture::{Layer, Picture, Size};
 use half::f16;
 use numpy::ndarray::{ArrayViewD, Axis};
 use numpy::{
-    Element, PyArray1, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods,
-    dtype,
+    Element, PyArray1, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyUntypedArray,
+    PyUntypedArrayMethods, dtype,
 };
 use pyo3::exceptions::{PyIndexError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -99,7 +99,11 @@ fn sample_type(name: &str, array: &Bound<'_, PyUntypedArray>, integers: bool) ->
     ];
     let usable = known.iter().take(if integers { 5 } else { 3 });
     usable.clone().find(|(dtype, _)| given.is_equiv_to(dtype)).map(|(_, t)| *t).ok_or_else(|| {
-        let accepted = if integers { "float16, float32, float64, uint8 or uint16" } else { "float16, float32 or float64" };
+        let accepted = if integers {
+            "float16, float32, float64, uint8 or uint16"
+        } else {
+            "float16, float32 or float64"
+        };
         PyTypeError::new_err(format!("{name} must have dtype {accepted} in native byte order; got {given}"))
     })
 }
@@ -209,7 +213,8 @@ fn read_format(
         }
         None => Transfer::Linear,
     };
-    let names = [("premultiplied", Alpha::Premultiplied), ("straight", Alpha::Straight), ("none", Alpha::None)];
+    let names =
+        [("premultiplied", Alpha::Premultiplied), ("straight", Alpha::Straight), ("none", Alpha::None)];
     let alpha = match alpha {
         None if shape.size.channels == 4 => Alpha::Premultiplied,
         None => Alpha::None,
@@ -268,7 +273,9 @@ fn read_layer_color(
 fn positive(name: &str, value: Option<f64>, kind: &str) -> PyResult<f64> {
     match value {
         Some(v) if v > 0.0 => Ok(v),
-        Some(v) => Err(PyValueError::new_err(format!("{name} must be a distance in metres greater than 0; got {v}"))),
+        Some(v) => {
+            Err(PyValueError::new_err(format!("{name} must be a distance in metres greater than 0; got {v}")))
+        }
         None => Err(PyValueError::new_err(format!("{name} must be given for depth_kind={kind:?}"))),
     }
 }
@@ -306,7 +313,9 @@ pub fn read_depth_words(words: &DepthWords) -> PyResult<DepthKind> {
         DepthKind::ZBuffer { .. } => {
             let (near, far) = (positive("near", words.near, name)?, positive("far", words.far, name)?);
             if far <= near {
-                return Err(PyValueError::new_err(format!("far must be greater than near ({near}); got {far}")));
+                return Err(PyValueError::new_err(format!(
+                    "far must be greater than near ({near}); got {far}"
+                )));
             }
             DepthKind::ZBuffer { near, far }
         }
@@ -372,7 +381,13 @@ pub fn read_depth(depth: &Bound<'_, PyAny>) -> PyResult<DepthPlanes> {
 }
 
 /// The disparity at one pixel; negative positions count from the end.
-pub fn read_depth_value(depth: &Bound<'_, PyAny>, x: isize, y: isize, kind: DepthKind, lens: &Lens) -> PyResult<f64> {
+pub fn read_depth_value(
+    depth: &Bound<'_, PyAny>,
+    x: isize,
+    y: isize,
+    kind: DepthKind,
+    lens: &Lens,
+) -> PyResult<f64> {
     let planes = read_depth(depth)?;
     let at = |name: &str, i: isize, n: usize| {
         let from_start = if i < 0 { i + n as isize } else { i };
@@ -446,11 +461,17 @@ impl Input {
                 if layered {
                     let alpha = &color[size.pixels() * (size.channels - 1)..];
                     let background = match kind {
-                        DepthKind::InverseZ | DepthKind::Disparity | DepthKind::DistanceFromNear { .. } => 0.0,
+                        DepthKind::InverseZ | DepthKind::Disparity | DepthKind::DistanceFromNear { .. } => {
+                            0.0
+                        }
                         DepthKind::ZBuffer { .. } => 1.0,
                         DepthKind::Z | DepthKind::Distance => f32::INFINITY,
                     };
-                    depth.iter_mut().zip(alpha).filter(|(_, a)| **a <= 0.0).for_each(|(d, _)| *d = background);
+                    depth
+                        .iter_mut()
+                        .zip(alpha)
+                        .filter(|(_, a)| **a <= 0.0)
+                        .for_each(|(d, _)| *d = background);
                 }
                 let disparity = disparity_plane(&depth, (size.width, size.height), kind, focal_px, invalid)?;
                 Ok(Layer { color: color.clone(), disparity })
@@ -482,7 +503,8 @@ pub fn write_color<'py>(
             pixel[..colors].iter_mut().for_each(|v| *v = format.transfer.encode(*v));
         });
     }
-    let shape = if format.flat { vec![size.height, size.width] } else { vec![size.height, size.width, channels] };
+    let shape =
+        if format.flat { vec![size.height, size.width] } else { vec![size.height, size.width, channels] };
     if format.sample_type == SampleType::F32 {
         return Ok(PyArray1::from_vec(py, pixels).reshape(shape)?.into_any());
     }

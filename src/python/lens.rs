@@ -165,7 +165,9 @@ impl PyLens {
             let has = |key: &str| -> PyResult<bool> { parameters.contains(key) };
             let get = |key: &str| -> PyResult<f64> {
                 scalar(&parameters.get_item(key).map_err(|_| {
-                    PyValueError::new_err(format!("sensor has no {key:?}; a thinlens or perspective sensor has"))
+                    PyValueError::new_err(format!(
+                        "sensor has no {key:?}; a thinlens or perspective sensor has"
+                    ))
                 })?)
             };
             let aperture_radius = if has("aperture_radius")? { get("aperture_radius")? } else { 0.0 };
@@ -366,7 +368,11 @@ impl PyLens {
             }
             words.set_item(key, value)?;
         }
-        self.maker(py)?.call((), Some(&words))?.extract::<PyRef<'_, PyLens>>().map(|l| l.clone()).map_err(PyErr::from)
+        self.maker(py)?
+            .call((), Some(&words))?
+            .extract::<PyRef<'_, PyLens>>()
+            .map(|l| l.clone())
+            .map_err(PyErr::from)
     }
 
     /// The same lens focused on what pixel (x, y) sees.

@@ -1,7 +1,9 @@
 //! `dofsim.render`, `dofsim.coc` and `dofsim.Scene`.
 
 use super::aperture::PyAperture;
-use super::arrays::{ColorFormat, DepthWords, Input, read_depth, read_depth_kind, read_depth_words, read_invalid, write_color};
+use super::arrays::{
+    ColorFormat, DepthWords, Input, read_depth, read_depth_kind, read_depth_words, read_invalid, write_color,
+};
 use super::errors::{DeviceError, choice};
 use super::lens::PyLens;
 use super::run::{detached, simd};
@@ -28,9 +30,11 @@ struct Frame {
 impl Frame {
     fn new(size: Size, overscan: usize, supersample: usize) -> PyResult<Frame> {
         if !(1..=16).contains(&supersample) {
-            return Err(PyValueError::new_err(format!("supersample must be from 1 to 16; got {supersample}")));
+            return Err(PyValueError::new_err(format!(
+                "supersample must be from 1 to 16; got {supersample}"
+            )));
         }
-        if size.width % supersample != 0 || size.height % supersample != 0 {
+        if !size.width.is_multiple_of(supersample) || !size.height.is_multiple_of(supersample) {
             return Err(PyValueError::new_err(format!(
                 "supersample={supersample} must divide the rows and columns of color; got {} and {}",
                 size.height, size.width
@@ -70,7 +74,10 @@ impl Frame {
         }
         let (width, output) = (size.width / self.supersample, self.output(size));
         let row = |y: usize| ((y + self.overscan) * width + self.overscan) * size.channels;
-        (0..output.height).flat_map(|y| &resolved[row(y)..][..output.width * size.channels]).copied().collect()
+        (0..output.height)
+            .flat_map(|y| &resolved[row(y)..][..output.width * size.channels])
+            .copied()
+            .collect()
     }
 }
 
@@ -194,7 +201,17 @@ pub fn render<'py>(
     views: Option<usize>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let scene = PyScene::new(
-        color, depth, device, depth_kind, near, far, invalid, alpha, transfer, overscan, supersample,
+        color,
+        depth,
+        device,
+        depth_kind,
+        near,
+        far,
+        invalid,
+        alpha,
+        transfer,
+        overscan,
+        supersample,
     )?;
     scene.render(py, lens, method, aperture, threads, views)
 }
@@ -310,7 +327,13 @@ impl PyScene {
         &self.input.format
     }
 
-    fn pixels(&self, py: Python<'_>, lens: &Lens, options: &Options, threads: Option<usize>) -> PyResult<Vec<f32>> {
+    fn pixels(
+        &self,
+        py: Python<'_>,
+        lens: &Lens,
+        options: &Options,
+        threads: Option<usize>,
+    ) -> PyResult<Vec<f32>> {
         let scene = self.scene(lens)?;
         let optics = self.frame.optics(self.input.size, lens);
         let (frame, size) = (self.frame, self.input.size);
@@ -414,14 +437,17 @@ impl PyScene {
         threads: Option<usize>,
         views: Option<usize>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let distances: Vec<f64> = distances.try_iter().and_then(|all| all.map(|d| d?.extract()).collect()).map_err(|_| {
-            PyTypeError::new_err("distances must be a sequence of numbers")
-        })?;
+        let distances: Vec<f64> = distances
+            .try_iter()
+            .and_then(|all| all.map(|d| d?.extract()).collect())
+            .map_err(|_| PyTypeError::new_err("distances must be a sequence of numbers"))?;
         if distances.is_empty() {
             return Err(PyValueError::new_err("distances must hold at least one distance"));
         }
         let focused = distances.iter().map(|&distance| match lens.core {
-            Lens::Thin { aperture_radius, fov, fov_axis, .. } => Lens::thin(aperture_radius, distance, fov, fov_axis),
+            Lens::Thin { aperture_radius, fov, fov_axis, .. } => {
+                Lens::thin(aperture_radius, distance, fov, fov_axis)
+            }
             Lens::Relative { strength_px, .. } => Lens::from_disparity(strength_px, distance),
         });
         let lenses = focused.collect::<crate::error::Result<Vec<_>>>()?;

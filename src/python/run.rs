@@ -16,10 +16,13 @@ const SIGNAL_INTERVAL: Duration = Duration::from_millis(50);
 /// More threads than this are taken for a slip.
 const MAX_THREADS: usize = 1024;
 
+/// Pools by process and number of threads.
+type Pools = HashMap<(u32, usize), Arc<rayon::ThreadPool>>;
+
 /// The pool of `threads` workers of this process. A forked child has none of its parent's threads, so it makes
 /// pools of its own.
 fn pool(threads: usize) -> PyResult<Arc<rayon::ThreadPool>> {
-    static POOLS: Mutex<Option<HashMap<(u32, usize), Arc<rayon::ThreadPool>>>> = Mutex::new(None);
+    static POOLS: Mutex<Option<Pools>> = Mutex::new(None);
     let mut pools = POOLS.lock().unwrap_or_else(PoisonError::into_inner);
     let pools = pools.get_or_insert_with(HashMap::new);
     let key = (std::process::id(), threads);

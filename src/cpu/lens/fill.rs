@@ -146,7 +146,11 @@ impl Surroundings<'_> {
                 }
                 if s[here] <= s_start - CONNECTED_PX {
                     let uncovered = step.distance <= s_start - s[here] + MARGIN_PX;
-                    let hit = || Hit { distance: step.distance, s: s[here], color: self.pure_beyond((x, y), here, &ray[k..]) };
+                    let hit = || Hit {
+                        distance: step.distance,
+                        s: s[here],
+                        color: self.pure_beyond((x, y), here, &ray[k..]),
+                    };
                     return uncovered.then(hit);
                 }
             }
@@ -158,7 +162,8 @@ impl Surroundings<'_> {
     fn pure_beyond(&self, (x, y): (usize, usize), hit: usize, ray: &[Step]) -> [f32; 4] {
         let Frame { size, s, links, .. } = *self.frame;
         let beyond = ray.iter().take(BEYOND_EDGE).map_while(|step| self.frame.offset(x, y, step.dx, step.dy));
-        let pure = beyond.take_while(|&q| (s[q] - s[hit]).abs() < SAME_SURFACE_PX).find(|&q| links[q] & EDGE == 0);
+        let pure =
+            beyond.take_while(|&q| (s[q] - s[hit]).abs() < SAME_SURFACE_PX).find(|&q| links[q] & EDGE == 0);
         match pure {
             Some(q) => self.frame.color_at(q),
             None if self.back.s[hit].is_nan() => self.frame.color_at(hit),
@@ -207,10 +212,10 @@ fn merge(index: usize, s_start: f32, hits: &[Hit]) -> Option<Hidden> {
 pub fn hidden(frame: &Frame, front_s: &[f32], back: &Sheet) -> Vec<Hidden> {
     let (width, height) = (frame.size.width, frame.size.height);
     let blocks = Blocks::new(frame);
-    let (s_min, s_max) = front_s.par_iter().map(|&s| (s, s)).reduce(
-        || (f32::INFINITY, f32::NEG_INFINITY),
-        |a, b| (a.0.min(b.0), a.1.max(b.1)),
-    );
+    let (s_min, s_max) = front_s
+        .par_iter()
+        .map(|&s| (s, s))
+        .reduce(|| (f32::INFINITY, f32::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)));
     let uncovered: Vec<Option<f32>> =
         (0..blocks.edge_s.len()).into_par_iter().map(|b| blocks.farthest_uncovered(b, s_min)).collect();
     let reach = (s_max - s_min + MARGIN_PX).ceil() as usize;

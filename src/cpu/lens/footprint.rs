@@ -67,8 +67,11 @@ impl Footprint {
         }
         let n = size.pixels();
         let shift = |s: f32| (f64::from(s) - s_focus) as f32;
-        let wanted: Vec<f32> =
-            sheet.s.par_iter().map(|&s| if s.is_nan() { 0.0 } else { (self.variance(shift(s)) - NEXT_CELLS).max(0.0) }).collect();
+        let wanted: Vec<f32> = sheet
+            .s
+            .par_iter()
+            .map(|&s| if s.is_nan() { 0.0 } else { (self.variance(shift(s)) - NEXT_CELLS).max(0.0) })
+            .collect();
         let most = wanted.par_iter().copied().reduce(|| 0.0, f32::max);
 
         let mut done = 0.0f32;

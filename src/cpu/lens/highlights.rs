@@ -4,11 +4,11 @@
 //! opening; each pixel of it asks along its own ray whether something nearer is in the way.
 
 use super::kernels::Kernels;
+use super::pack::TILE;
 use super::pack::{BLOCK, Packed};
 use super::sheets::Sheets;
 use super::sweep::TileColor;
 use super::tiles::{IN_FOCUS_PX, Tile};
-use super::pack::TILE;
 use crate::picture::Size;
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -154,7 +154,9 @@ pub fn extract(sheets: &Sheets, color: &mut [Cow<[f32]>], packed: &Packed, s_foc
                     false => surroundings.color(size, front, &front_bright, b),
                 };
                 let excess = move |i: usize| -> [f32; 4] {
-                    std::array::from_fn(|c| if c < lights { (sheet.color[c * n + i] - around[c]).max(0.0) } else { 0.0 })
+                    std::array::from_fn(|c| {
+                        if c < lights { (sheet.color[c * n + i] - around[c]).max(0.0) } else { 0.0 }
+                    })
                 };
                 found.into_iter().map(move |i| (i, excess(i)))
             })
@@ -173,8 +175,13 @@ pub fn extract(sheets: &Sheets, color: &mut [Cow<[f32]>], packed: &Packed, s_foc
             };
             let t = f64::from(sheet.s[index]) - s_focus;
             let excess = excess.map(|e| area * e);
-            highlights
-                .extend(images(packed, index, t).map(|(x, y)| Highlight { x, y, t, excess, hidden_in_part: false }));
+            highlights.extend(images(packed, index, t).map(|(x, y)| Highlight {
+                x,
+                y,
+                t,
+                excess,
+                hidden_in_part: false,
+            }));
         }
     }
     highlights.par_iter_mut().for_each(|h| h.hidden_in_part = h.may_be_hidden(packed, s_focus));
@@ -252,12 +259,15 @@ impl Highlight {
         (1..=steps).any(|k| {
             let (dx, dy) = (f64::from(k) * slope[0], f64::from(k) * slope[1]);
             let (x, y) = (self.x + dx.round() as i32, self.y + dy.round() as i32);
-            let inside = (0..packed.padding.stride as i32).contains(&x) && (0..packed.padding.rows as i32).contains(&y);
+            let inside = (0..packed.padding.stride as i32).contains(&x)
+                && (0..packed.padding.rows as i32).contains(&y);
             if !inside {
                 return false;
             }
             let cell = y as usize * packed.padding.stride + x as usize;
-            let code = |k: f64| (f64::from(start) + k * shift_per_step * code_per_px).min(f64::from(u16::MAX)) as u16;
+            let code = |k: f64| {
+                (f64::from(start) + k * shift_per_step * code_per_px).min(f64::from(u16::MAX)) as u16
+            };
             let (from, to) = (code(f64::from(k) - 0.5), code(f64::from(k) + 0.5));
             packed.sheets.iter().any(|sheet| {
                 let (lo, hi) = (sheet.lo[cell], sheet.hi[cell]);
@@ -272,7 +282,14 @@ impl Highlight {
     }
 
     /// Adds the part of the disc that lies in a tile.
-    fn draw(&self, packed: &Packed, s_focus: f64, kernels: &Kernels, origin: (usize, usize), out: &mut TileColor) {
+    fn draw(
+        &self,
+        packed: &Packed,
+        s_focus: f64,
+        kernels: &Kernels,
+        origin: (usize, usize),
+        out: &mut TileColor,
+    ) {
         let pad = packed.padding.pad as i32;
         // The highlight in the tile's coordinates; a pixel p sees it at the offset q - p of the kernel.
         let (qx, qy) = (self.x - pad - origin.0 as i32, self.y - pad - origin.1 as i32);
@@ -342,7 +359,15 @@ impl Highlights {
     }
 
     /// Draws all that reaches tile number `tile`.
-    pub fn draw(&self, tile: usize, origin: (usize, usize), packed: &Packed, s_focus: f64, kernels: &Kernels, out: &mut TileColor) {
+    pub fn draw(
+        &self,
+        tile: usize,
+        origin: (usize, usize),
+        packed: &Packed,
+        s_focus: f64,
+        kernels: &Kernels,
+        out: &mut TileColor,
+    ) {
         for &i in &self.by_tile[tile] {
             self.all[i as usize].draw(packed, s_focus, kernels, origin, out);
         }

@@ -20,7 +20,8 @@ pub fn key(t: f64) -> i32 {
 /// The shift that a step stands for.
 fn shift(key: i32) -> f64 {
     let steps = f64::from(key.abs());
-    let r = if steps < SMALL_PX * FINE { steps / FINE } else { SMALL_PX + (steps - SMALL_PX * FINE) / COARSE };
+    let r =
+        if steps < SMALL_PX * FINE { steps / FINE } else { SMALL_PX + (steps - SMALL_PX * FINE) / COARSE };
     r.copysign(f64::from(key))
 }
 

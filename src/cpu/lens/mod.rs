@@ -91,7 +91,8 @@ pub fn render(
     let tiles = tiles::plan(&packed, s_focus, count_views);
     let view_sets = view_sets(&tiles, &settings.aperture);
 
-    let mut color: Vec<Cow<[f32]>> = sheets.sheets.iter().map(|s| Cow::Borrowed(s.color.as_slice())).collect();
+    let mut color: Vec<Cow<[f32]>> =
+        sheets.sheets.iter().map(|s| Cow::Borrowed(s.color.as_slice())).collect();
     let mut highlights = Vec::new();
     if !view_sets.is_empty() {
         highlights = highlights::extract(sheets, &mut color, &packed, s_focus);
@@ -107,14 +108,23 @@ pub fn render(
 
     let front = &sheets.sheets[0];
     let gathered = tiles.par_iter().filter(|tile| tile.work == Work::Disc);
-    let mut keys = gathered.map(|tile| disc::keys(size, &front.s, s_focus, tile.origin)).reduce(BTreeSet::new, |mut a, b| {
-        a.extend(b);
-        a
-    });
+    let mut keys = gathered.map(|tile| disc::keys(size, &front.s, s_focus, tile.origin)).reduce(
+        BTreeSet::new,
+        |mut a, b| {
+            a.extend(b);
+            a
+        },
+    );
     keys.extend(highlights.shifts().map(kernels::key));
     let kernels = Kernels::new(&settings.aperture, keys);
-    let gather =
-        disc::Gather { size, color: &color[0], s: &front.s, s_focus, aperture: &settings.aperture, kernels: &kernels };
+    let gather = disc::Gather {
+        size,
+        color: &color[0],
+        s: &front.s,
+        s_focus,
+        aperture: &settings.aperture,
+        kernels: &kernels,
+    };
 
     let missed = if sheets.opaque { Missed::Unknown } else { Missed::Nothing };
     let mut slots = tile_slots(&mut out, size.width, size.channels);
@@ -184,7 +194,11 @@ fn copy(picture: &Picture, origin: (usize, usize), out: &mut TileColor) {
                 for c in 0..size.channels {
                     color[c] += left * layer.color[c * n + i];
                 }
-                left *= if picture.layers.len() > 1 { 1.0 - layer.color[(size.channels - 1) * n + i] } else { 0.0 };
+                left *= if picture.layers.len() > 1 {
+                    1.0 - layer.color[(size.channels - 1) * n + i]
+                } else {
+                    0.0
+                };
             }
             for (plane, c) in out.planes.iter_mut().zip(color) {
                 plane[y * TILE.0 + x] = c;

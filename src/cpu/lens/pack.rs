@@ -105,7 +105,8 @@ pub struct PartialPlanes {
 impl PartialPlanes {
     /// Whether a ray that passes cell `i` at `at`, from its centre, meets what the cell covers.
     pub fn covers(&self, i: usize, at: [f32; 2]) -> bool {
-        self.bits[i / 8] >> (i % 8) & 1 == 0 || self.normal_x[i] * at[0] + self.normal_y[i] * at[1] <= self.cut[i]
+        self.bits[i / 8] >> (i % 8) & 1 == 0
+            || self.normal_x[i] * at[0] + self.normal_y[i] * at[1] <= self.cut[i]
     }
 }
 
@@ -270,7 +271,8 @@ fn colors(
     let columns = padding.columns();
     let occupied = rows_with_cells(&sheets.sheets[sheet], w);
     let mut planes = vec![vec![0.0f32; padding.stride * padding.rows]; size.channels];
-    let mut rows: Vec<Vec<&mut [f32]>> = (0..padding.rows).map(|_| Vec::with_capacity(size.channels)).collect();
+    let mut rows: Vec<Vec<&mut [f32]>> =
+        (0..padding.rows).map(|_| Vec::with_capacity(size.channels)).collect();
     for plane in &mut planes {
         plane.chunks_mut(padding.stride).zip(&mut rows).for_each(|(row, rows)| rows.push(row));
     }
@@ -280,8 +282,10 @@ fn colors(
             return;
         }
         let start = y * w;
-        let kappa: Vec<f32> =
-            s[start..start + w].iter().map(|&s| footprint.sharpening((f64::from(s) - s_focus) as f32)).collect();
+        let kappa: Vec<f32> = s[start..start + w]
+            .iter()
+            .map(|&s| footprint.sharpening((f64::from(s) - s_focus) as f32))
+            .collect();
         let plain = plain_cells(sheets, sheet, y);
         for (c, out) in planes.iter_mut().enumerate() {
             let at = |y: usize| &color[sheet][c * n + y * w..][..w];
@@ -392,10 +396,9 @@ fn blocks(sheets: &Sheets, packed: &[PackedSheet], padding: &Padding) -> Blocks 
 /// Least and greatest shift of all cells.
 pub fn shift_range(sheets: &Sheets) -> (f64, f64) {
     let all = sheets.sheets.par_iter().flat_map(|sheet| sheet.s.par_iter()).filter(|s| !s.is_nan());
-    let (min, max) = all.map(|&s| (s, s)).reduce(
-        || (f32::INFINITY, f32::NEG_INFINITY),
-        |a, b| (a.0.min(b.0), a.1.max(b.1)),
-    );
+    let (min, max) = all
+        .map(|&s| (s, s))
+        .reduce(|| (f32::INFINITY, f32::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)));
     if min <= max { (f64::from(min), f64::from(max)) } else { (0.0, 0.0) }
 }
 

@@ -77,7 +77,8 @@ fn from_one_layer(size: Size, layer: &Layer, k: f64) -> Sheets {
         return Sheets { size, sheets: vec![front], opaque: true };
     }
 
-    let mut front = Sheet { s: s.clone(), color: layer.color.clone(), ..Sheet::empty(Size { channels: 0, ..size }) };
+    let mut front =
+        Sheet { s: s.clone(), color: layer.color.clone(), ..Sheet::empty(Size { channels: 0, ..size }) };
     let mut back = Sheet::empty(size);
     for m in &mixed {
         if m.coverage > 0.0 {

@@ -91,9 +91,8 @@ unsafe impl Lanes for Portable {
         let mut bits = 0;
         for i in 0..LANES {
             // SAFETY: the caller guarantees LANES readable values.
-            let (nx, ny, cut, code) = unsafe {
-                (*row.normal_x.add(i), *row.normal_y.add(i), *row.cut.add(i), *row.code.add(i))
-            };
+            let (nx, ny, cut, code) =
+                unsafe { (*row.normal_x.add(i), *row.normal_y.add(i), *row.cut.add(i), *row.code.add(i)) };
             let u = f32::from(code);
             let side = nx * (row.ray.ax * u + row.ray.bx) + ny * (row.ray.ay * u + row.ray.by);
             bits |= u32::from(side <= cut) << i;
@@ -144,7 +143,8 @@ mod x86 {
             // SAFETY: as the trait demands of the caller.
             unsafe {
                 sum[0] = _mm512_mask_add_ps(sum[0], mask as u16, sum[0], _mm512_loadu_ps(values));
-                sum[1] = _mm512_mask_add_ps(sum[1], (mask >> 16) as u16, sum[1], _mm512_loadu_ps(values.add(16)));
+                sum[1] =
+                    _mm512_mask_add_ps(sum[1], (mask >> 16) as u16, sum[1], _mm512_loadu_ps(values.add(16)));
             }
         }
 
@@ -199,10 +199,8 @@ mod x86 {
                 let from = _mm256_set1_epi16(from.cast_signed());
                 let last = _mm256_set1_epi16(to.wrapping_sub(1).cast_signed());
                 let inside = |at: usize| {
-                    let (lo, hi) = (
-                        _mm256_loadu_si256(lo.add(at).cast()),
-                        _mm256_loadu_si256(hi.add(at).cast()),
-                    );
+                    let (lo, hi) =
+                        (_mm256_loadu_si256(lo.add(at).cast()), _mm256_loadu_si256(hi.add(at).cast()));
                     // Unsigned order by way of maximum and minimum; `lo < to` is `lo <= to - 1`, as to > 0.
                     _mm256_and_si256(
                         _mm256_cmpeq_epi16(_mm256_max_epu16(hi, from), hi),
@@ -210,7 +208,8 @@ mod x86 {
                     )
                 };
                 // Packing works in 128-bit halves; the permutation puts them back in order.
-                let packed = _mm256_permute4x64_epi64::<0b11_01_10_00>(_mm256_packs_epi16(inside(0), inside(16)));
+                let packed =
+                    _mm256_permute4x64_epi64::<0b11_01_10_00>(_mm256_packs_epi16(inside(0), inside(16)));
                 _mm256_movemask_epi8(packed).cast_unsigned()
             }
         }
@@ -243,7 +242,8 @@ mod x86 {
             for at in (0..LANES).step_by(8) {
                 // SAFETY: as the trait demands of the caller.
                 let mask = unsafe {
-                    let u = _mm256_cvtepi32_ps(_mm256_cvtepu16_epi32(_mm_loadu_si128(row.code.add(at).cast())));
+                    let u =
+                        _mm256_cvtepi32_ps(_mm256_cvtepu16_epi32(_mm_loadu_si128(row.code.add(at).cast())));
                     let along = |a, b| _mm256_add_ps(_mm256_mul_ps(_mm256_set1_ps(a), u), _mm256_set1_ps(b));
                     let side = _mm256_add_ps(
                         _mm256_mul_ps(_mm256_loadu_ps(row.normal_x.add(at)), along(row.ray.ax, row.ray.bx)),

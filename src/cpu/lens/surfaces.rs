@@ -72,7 +72,8 @@ fn broken_links(s: &[f32], width: usize, height: usize, y: usize) -> Vec<(usize,
         let before = &s[y.saturating_sub(1) * width..][..width];
         let after = &s[(y + 2).min(height - 1) * width..][..width];
         for x in 0..width {
-            if (below[x] - row[x]).abs() >= CONNECTED_PX && !connected(before[x], row[x], below[x], after[x]) {
+            if (below[x] - row[x]).abs() >= CONNECTED_PX && !connected(before[x], row[x], below[x], after[x])
+            {
                 broken.push((y * width + x, DOWN));
             }
         }

@@ -157,69 +157,72 @@ unsafe fn sweep_rows<L: Lanes, const C: usize>(
     missed: &mut [[u16; LANES]; ROWS],
 ) {
     let stride = packed.padding.stride;
-    // SAFETY: per the function's contract, here and below.
-    let mut sum = [[unsafe { L::zero() }; C]; ROWS];
-    let mut start = 0;
-    for &end in &segments.ends {
-        let end = end as usize;
-        let mut waiting = [u32::MAX; ROWS];
-        for i in start..end {
-            let segment = &segments.segments[i];
-            let sheet = &packed.sheets[segment.sheet as usize];
-            let first = base.wrapping_add_signed(segment.offset as isize);
-            let mut hits = [0u32; ROWS];
-            for row in 0..ROWS {
-                let at = first + row * stride;
-                hits[row] = waiting[row]
-                    & unsafe {
-                        L::hits(sheet.lo.as_ptr().add(at), sheet.hi.as_ptr().add(at), segment.from, segment.to)
-                    };
-            }
-            if hits.iter().all(|&h| h == 0) {
-                continue;
-            }
-            if let Some(partial) = &sheet.partial {
+    // SAFETY: per the function's contract.
+    unsafe {
+        let mut sum = [[L::zero(); C]; ROWS];
+        let mut start = 0;
+        for &end in &segments.ends {
+            let end = end as usize;
+            let mut waiting = [u32::MAX; ROWS];
+            for i in start..end {
+                let segment = &segments.segments[i];
+                let sheet = &packed.sheets[segment.sheet as usize];
+                let first = base.wrapping_add_signed(segment.offset as isize);
+                let mut hits = [0u32; ROWS];
                 for row in 0..ROWS {
                     let at = first + row * stride;
-                    let word = unsafe { partial.bits.as_ptr().add(at / 8).cast::<u64>().read_unaligned() };
-                    let doubtful = (u64::from_le(word) >> (at % 8)) as u32 & hits[row];
-                    if doubtful != 0 {
-                        let covered = unsafe {
-                            L::covered(&HalfPlaneRow {
+                    hits[row] = waiting[row]
+                        & L::hits(
+                            sheet.lo.as_ptr().add(at),
+                            sheet.hi.as_ptr().add(at),
+                            segment.from,
+                            segment.to,
+                        );
+                }
+                if hits.iter().all(|&h| h == 0) {
+                    continue;
+                }
+                if let Some(partial) = &sheet.partial {
+                    for row in 0..ROWS {
+                        let at = first + row * stride;
+                        let word = partial.bits.as_ptr().add(at / 8).cast::<u64>().read_unaligned();
+                        let doubtful = (u64::from_le(word) >> (at % 8)) as u32 & hits[row];
+                        if doubtful != 0 {
+                            let covered = L::covered(&HalfPlaneRow {
                                 normal_x: partial.normal_x.as_ptr().add(at),
                                 normal_y: partial.normal_y.as_ptr().add(at),
                                 cut: partial.cut.as_ptr().add(at),
                                 code: sheet.lo.as_ptr().add(at),
                                 ray: segments.rays[i],
-                            })
-                        };
-                        hits[row] &= !doubtful | covered;
+                            });
+                            hits[row] &= !doubtful | covered;
+                        }
                     }
+                }
+                for row in 0..ROWS {
+                    let at = first + row * stride;
+                    for c in 0..C {
+                        L::add(&mut sum[row][c], sheet.color[c].as_ptr().add(at), hits[row]);
+                    }
+                    waiting[row] &= !hits[row];
+                }
+                if waiting.iter().all(|&w| w == 0) {
+                    break;
                 }
             }
             for row in 0..ROWS {
-                let at = first + row * stride;
-                for c in 0..C {
-                    unsafe { L::add(&mut sum[row][c], sheet.color[c].as_ptr().add(at), hits[row]) };
+                let mut left = waiting[row];
+                while left != 0 {
+                    missed[row][left.trailing_zeros() as usize] += 1;
+                    left &= left - 1;
                 }
-                waiting[row] &= !hits[row];
             }
-            if waiting.iter().all(|&w| w == 0) {
-                break;
-            }
+            start = end;
         }
         for row in 0..ROWS {
-            let mut left = waiting[row];
-            while left != 0 {
-                missed[row][left.trailing_zeros() as usize] += 1;
-                left &= left - 1;
+            for c in 0..C {
+                L::store(sum[row][c], sums[row][c].as_mut_ptr());
             }
-        }
-        start = end;
-    }
-    for row in 0..ROWS {
-        for c in 0..C {
-            unsafe { L::store(sum[row][c], sums[row][c].as_mut_ptr()) };
         }
     }
 }

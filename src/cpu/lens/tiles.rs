@@ -93,9 +93,9 @@ pub fn plan(packed: &Packed, s_focus: f64, count_views: impl Fn(f64) -> usize) -
         }
         let work = if reach <= IN_FOCUS_PX {
             Work::Copy
-        } else if steepest.is_some_and(|codes_per_px| {
-            f64::from(codes_per_px) * codes.step() * reach <= TILT_PX
-        }) {
+        } else if steepest
+            .is_some_and(|codes_per_px| f64::from(codes_per_px) * codes.step() * reach <= TILT_PX)
+        {
             Work::Disc
         } else {
             Work::Sweep { views: count_views(reach), occupied }

@@ -151,7 +151,8 @@ fn unmix_pixel(frame: &Frame, x: usize, y: usize) -> Option<Mixed> {
     let color = frame.color_at(index);
     let contrast = sub(front, back);
     let along: f32 = sub(color, back).iter().zip(contrast).map(|(c, d)| c * d).sum();
-    let trust = 3.0 * (front_variance + back_variance) + 1e-4 * (norm2(front) + norm2(back)) + f32::MIN_POSITIVE;
+    let trust =
+        3.0 * (front_variance + back_variance) + 1e-4 * (norm2(front) + norm2(back)) + f32::MIN_POSITIVE;
     let coverage = ((along + trust * prior) / (norm2(contrast) + trust)).clamp(0.0, 1.0);
     let coverage = if coverage < PURE {
         0.0
