@@ -164,19 +164,29 @@ const MAX_SIDE: usize = 32_768;
 /// How many values are not finite, and the position of the first.
 fn not_finite(plane: &[f32], width: usize) -> Option<(usize, usize, usize)> {
     let bad = plane.par_iter().filter(|v| !v.is_finite()).count();
+    if bad == 0 {
+        return None;
+    }
     let first = plane.iter().position(|v| !v.is_finite())?;
     Some((bad, first / width, first % width))
 }
 
-/// Reads one layer of colour, (H, W, C), into planes.
-fn color_planes<T: Sample>(view: &ArrayViewD<'_, T>, size: Size, transfer: Transfer) -> Vec<f32> {
+/// Calls `read` with the samples of an array in row-major order, copied if they are not.
+fn in_order<T: Sample, R>(view: &ArrayViewD<'_, T>, read: impl FnOnce(&[T]) -> R) -> R {
+    match view.as_slice() {
+        Some(samples) => read(samples),
+        None => read(&view.iter().copied().collect::<Vec<T>>()),
+    }
+}
+
+/// Takes one layer of interleaved colour apart into planes.
+fn color_planes<T: Sample>(samples: &[T], size: Size, transfer: Transfer) -> Vec<f32> {
     let mut planes = vec![0.0f32; size.pixels() * size.channels];
     planes.par_chunks_mut(size.width).enumerate().for_each(|(row, out)| {
         let (c, y) = (row / size.height, row % size.height);
-        let row = view.index_axis(Axis(0), y);
-        let row = if row.ndim() == 2 { row.index_axis_move(Axis(1), c) } else { row };
-        for (out, v) in out.iter_mut().zip(row.iter()) {
-            *out = v.to_code();
+        let pixels = samples[y * size.width * size.channels..].chunks_exact(size.channels);
+        for (out, pixel) in out.iter_mut().zip(pixels) {
+            *out = pixel[c].to_code();
         }
         if transfer != Transfer::Linear && (c < 3 || size.channels < 4) {
             out.iter_mut().for_each(|v| *v = transfer.decode(*v));
@@ -243,7 +253,7 @@ fn read_layer_color(
     let size = shape.size;
     let mut planes = with_sample_type!(format.sample_type, T => view::<T, _>(array, |view| {
         let view = if shape.layered { view.index_axis_move(Axis(0), layer) } else { view };
-        color_planes(&view, size, format.transfer)
+        in_order(&view, |samples| color_planes(samples, size, format.transfer))
     }))?;
     for (c, plane) in planes.chunks(size.pixels()).enumerate() {
         if let Some((bad, y, x)) = not_finite(plane, size.width) {
@@ -338,17 +348,6 @@ pub fn read_invalid(name: &str) -> PyResult<Invalid> {
     choice("invalid", name, &[("raise", Invalid::Raise), ("far", Invalid::Far)])
 }
 
-/// Depth values of one plane as `f32`, whatever the strides.
-fn depth_values<T: Sample>(view: &ArrayViewD<'_, T>, width: usize) -> Vec<f32> {
-    let mut out = vec![0.0f32; view.len()];
-    out.par_chunks_mut(width).enumerate().for_each(|(y, out)| {
-        for (out, v) in out.iter_mut().zip(view.index_axis(Axis(0), y).iter()) {
-            *out = v.to_code();
-        }
-    });
-    out
-}
-
 /// Raw depth planes of an array of shape (H, W), or (L, H, W).
 pub struct DepthPlanes {
     pub width: usize,
@@ -375,7 +374,8 @@ pub fn read_depth(depth: &Bound<'_, PyAny>) -> PyResult<DepthPlanes> {
     }
     let planes = with_sample_type!(sample_type, T => view::<T, _>(array, |view| {
         let layer = |i: usize| if view.ndim() == 3 { view.index_axis(Axis(0), i) } else { view.view() };
-        (0..layers).map(|i| depth_values(&layer(i), width)).collect()
+        let values = |v: &[T]| v.par_iter().map(|d| d.to_code()).collect();
+        (0..layers).map(|i| in_order(&layer(i), values)).collect()
     }))?;
     Ok(DepthPlanes { width, height, planes })
 }

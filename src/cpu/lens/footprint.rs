@@ -30,6 +30,14 @@ fn splat_variance(t: f32) -> f32 {
     if t >= 1.0 { beyond } else { (t * 4.0 / (3.0 * std::f32::consts::PI) - 0.25 * t * t).min(beyond) }
 }
 
+/// What sharpening by `kappa` moves from a cell to a neighbour: their difference times `kappa`, the brighter gaining.
+/// A cell gives no more than a quarter of its light to each of four neighbours, so that none turns negative.
+pub fn flow(kappa: f32, own: f32, other: f32) -> f32 {
+    let wanted = kappa * (other - own);
+    let most = if kappa > 0.0 { 0.25 * own.min(other).max(0.0) } else { f32::MAX };
+    wanted.min(most).max(-most)
+}
+
 /// The variance to add to cells by their shift, negative where blur is to be undone.
 pub struct Footprint {
     table: Vec<f32>,

@@ -1,7 +1,7 @@
 //! Sheets laid out for the sweep: quantised in depth, sharpened, with a mirrored margin as wide as the largest
 //! circle of confusion, so that no ray ever leaves the arrays.
 
-use super::footprint::Footprint;
+use super::footprint::{self, Footprint};
 use super::sheets::{Sheet, Sheets};
 use super::surfaces::{CONNECTED_PX, DOWN, EDGE, RIGHT};
 use rayon::prelude::*;
@@ -201,6 +201,7 @@ fn extents(sheets: &Sheets, sheet: usize, y: usize, codes: &Codes, lo: &mut [u16
     let s = at(y);
     let (above, below) = (at(y.saturating_sub(1)), at((y + 1).min(sheets.size.height - 1)));
     let plain = plain_cells(sheets, sheet, y);
+    let (lo, hi) = (&mut lo[..w], &mut hi[..w]);
     for x in 1..w.saturating_sub(1) {
         let around = [s[x - 1], s[x + 1], above[x], below[x]];
         let min = around.iter().fold(s[x], |m, &q| if q < m { q } else { m });
@@ -287,29 +288,30 @@ fn colors(
             .map(|&s| footprint.sharpening((f64::from(s) - s_focus) as f32))
             .collect();
         let plain = plain_cells(sheets, sheet, y);
+        let kappa = &kappa[..w];
         for (c, out) in planes.iter_mut().enumerate() {
             let at = |y: usize| &color[sheet][c * n + y * w..][..w];
             let (above, row, below) = (at(y.saturating_sub(1)), at(y), at((y + 1).min(size.height - 1)));
             let inside = &mut out[padding.pad..padding.pad + w];
             for x in 1..w.saturating_sub(1) {
-                let laplacian = row[x - 1] + row[x + 1] + above[x] + below[x] - 4.0 * row[x];
-                inside[x] = row[x] - kappa[x] * laplacian;
+                let flow = |q: f32| footprint::flow(kappa[x], row[x], q);
+                inside[x] = row[x] - (flow(row[x - 1]) + flow(row[x + 1]) + flow(above[x]) + flow(below[x]));
             }
         }
         for x in (0..w).filter(|&x| !plain[x]) {
             let index = start + x;
-            let mut laplacian = [0.0f32; 4];
+            let mut flow = [0.0f32; 4];
+            // An empty cell has no colour, and no shift to be sharpened for.
             if !s[index].is_nan() {
                 for q in neighbours(sheets, Cell { sheet, index }) {
                     for c in 0..size.channels {
-                        laplacian[c] += color[q.sheet][c * n + q.index] - color[sheet][c * n + index];
+                        let (own, other) = (color[sheet][c * n + index], color[q.sheet][c * n + q.index]);
+                        flow[c] += footprint::flow(kappa[x], own, other);
                     }
                 }
             }
             for (c, out) in planes.iter_mut().enumerate() {
-                // An empty cell has no colour, and no shift to be sharpened for.
-                let own = color[sheet][c * n + index];
-                out[padding.pad + x] = if s[index].is_nan() { own } else { own - kappa[x] * laplacian[c] };
+                out[padding.pad + x] = color[sheet][c * n + index] - flow[c];
             }
         }
         planes.iter_mut().for_each(|out| mirror_row(padding, &columns, out));

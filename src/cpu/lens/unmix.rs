@@ -132,8 +132,9 @@ fn unmix_pixel(frame: &Frame, x: usize, y: usize) -> Option<Mixed> {
     let (front, back) = (pure_color(frame, x, y, s_front), pure_color(frame, x, y, s_back));
     let ((front, front_variance), (back, back_variance)) = match (front, back) {
         (Some(front), Some(back)) => (front, back),
-        (None, Some(back)) => ((extreme_color(frame, x, y, s_front, back.0)?, 0.0), back),
-        (Some(front), None) => (front, (extreme_color(frame, x, y, s_back, front.0)?, 0.0)),
+        // Of a guessed colour no more is known than of the other.
+        (None, Some(back)) => ((extreme_color(frame, x, y, s_front, back.0)?, back.1), back),
+        (Some(front), None) => (front, (extreme_color(frame, x, y, s_back, front.0)?, front.1)),
         (None, None) => return None,
     };
 
@@ -147,33 +148,94 @@ fn unmix_pixel(frame: &Frame, x: usize, y: usize) -> Option<Mixed> {
     }
     let prior = in_front / all;
 
-    // Least squares for a in C = a F + (1 - a) B, held to the prior where the colours tell little.
-    let color = frame.color_at(index);
-    let contrast = sub(front, back);
-    let along: f32 = sub(color, back).iter().zip(contrast).map(|(c, d)| c * d).sum();
-    let trust =
-        3.0 * (front_variance + back_variance) + 1e-4 * (norm2(front) + norm2(back)) + f32::MIN_POSITIVE;
-    let coverage = ((along + trust * prior) / (norm2(contrast) + trust)).clamp(0.0, 1.0);
-    let coverage = if coverage < PURE {
-        0.0
-    } else if coverage > 1.0 - PURE {
-        1.0
-    } else {
-        coverage
-    };
+    let pixel = Pixel { color: frame.color_at(index), front, back, prior };
+    let floor = 1e-4 * (norm2(front) + norm2(back)) + f32::MIN_POSITIVE;
+    let pure = pixel.split(front_variance + floor, back_variance + floor);
+    let unexplained = norm2(pixel.rest(pure.coverage));
+    let (coverage, front, back) =
+        if unexplained <= UNEXPLAINED * (front_variance + back_variance + norm2(sub(front, back)) + floor) {
+            (pure.coverage, pure.front, pure.back)
+        } else {
+            // Something that neither pure colour shows, such as half a lamp: it belongs to the surface whose pixels
+            // around, mixed ones too, vary the most.
+            let varied = pixel.split(
+                spread(frame, x, y, s_front, front) + front_variance + floor,
+                spread(frame, x, y, s_back, back) + back_variance + floor,
+            );
+            (varied.coverage, varied.front, varied.back)
+        };
+    Some(Mixed { index, s_front, front, coverage, s_back, back })
+}
 
-    // What the two colours leave over goes to them in the smallest way that gives C back exactly.
-    let (a, b) = (coverage, 1.0 - coverage);
-    let share = 1.0 / (a * a + b * b);
-    let rest: [f32; 4] = std::array::from_fn(|c| color[c] - a * front[c] - b * back[c]);
-    Some(Mixed {
-        index,
-        s_front,
-        front: std::array::from_fn(|c| front[c] + a * share * rest[c]),
-        coverage,
-        s_back,
-        back: std::array::from_fn(|c| back[c] + b * share * rest[c]),
-    })
+/// How much of a mixed pixel's colour may stay unexplained by two pure ones, as a multiple of their variances and
+/// squared contrast.
+const UNEXPLAINED: f32 = 2.0;
+
+/// Mean squared difference, around a pixel, of a surface's pixels from its pure colour.
+fn spread(frame: &Frame, x: usize, y: usize, s_surface: f32, pure: [f32; 4]) -> f32 {
+    let around = (-2..=2).flat_map(|dy| (-2..=2).map(move |dx| (dx, dy))).filter(|&d| d != (0, 0));
+    let (mut sum, mut count) = (0.0, 0.0f32);
+    for q in around.filter_map(|(dx, dy)| frame.offset(x, y, dx, dy)) {
+        if (frame.s[q] - s_surface).abs() < CONNECTED_PX {
+            sum += norm2(sub(frame.color_at(q), pure));
+            count += 1.0;
+        }
+    }
+    sum / count.max(1.0)
+}
+
+/// A mixed pixel with the pure colours of both surfaces and what depth says of the coverage.
+struct Pixel {
+    color: [f32; 4],
+    front: [f32; 4],
+    back: [f32; 4],
+    prior: f32,
+}
+
+/// A pixel's two colours and coverage.
+struct Split {
+    coverage: f32,
+    front: [f32; 4],
+    back: [f32; 4],
+}
+
+impl Pixel {
+    /// What two pure colours leave over at this coverage.
+    fn rest(&self, coverage: f32) -> [f32; 4] {
+        std::array::from_fn(|c| self.color[c] - coverage * self.front[c] - (1.0 - coverage) * self.back[c])
+    }
+
+    /// Least squares for `a` in `C = a F + (1 - a) B`, held to the prior where the colours tell little; what is left
+    /// over goes to the two colours by their variances, so that they give `C` back exactly.
+    fn split(&self, front_variance: f32, back_variance: f32) -> Split {
+        let contrast = sub(self.front, self.back);
+        let along: f32 = sub(self.color, self.back).iter().zip(contrast).map(|(c, d)| c * d).sum();
+        let trust = 3.0 * (front_variance + back_variance);
+        let coverage = ((along + trust * self.prior) / (norm2(contrast) + trust)).clamp(0.0, 1.0);
+        let coverage = if coverage < PURE {
+            0.0
+        } else if coverage > 1.0 - PURE {
+            1.0
+        } else {
+            coverage
+        };
+
+        let (a, b) = (coverage, 1.0 - coverage);
+        let share = 1.0 / (a * a * front_variance + b * b * back_variance);
+        let rest = self.rest(coverage);
+        let mut split = Split { coverage, front: self.front, back: self.back };
+        for c in 0..4 {
+            split.front[c] += a * front_variance * share * rest[c];
+            split.back[c] += b * back_variance * share * rest[c];
+            // Light is not negative: where one side would be, the other gives way.
+            if self.color[c] >= 0.0 && split.back[c] < 0.0 && a > 0.0 {
+                (split.back[c], split.front[c]) = (0.0, self.color[c] / a);
+            } else if self.color[c] >= 0.0 && split.front[c] < 0.0 && b > 0.0 {
+                (split.front[c], split.back[c]) = (0.0, self.color[c] / b);
+            }
+        }
+        split
+    }
 }
 
 /// All edge pixels that could be taken apart, in scan order.
