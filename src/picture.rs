@@ -1,5 +1,7 @@
 //! What a render starts from: validated colour and disparity, planar, in `f32`.
 
+use std::sync::Arc;
+
 /// The size of a frame and the channels of its colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Size {
@@ -22,7 +24,7 @@ impl Size {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Layer {
     /// Linear colour, one plane a channel; premultiplied if the last channel is coverage.
-    pub color: Vec<f32>,
+    pub color: Arc<Vec<f32>>,
     /// Disparity of every pixel.
     pub disparity: Vec<f32>,
 }

@@ -14,6 +14,8 @@ use numpy::{
 use pyo3::exceptions::{PyIndexError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use rayon::prelude::*;
+use std::borrow::Cow;
+use std::sync::Arc;
 
 /// Sample types of colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -417,7 +419,7 @@ pub struct Input {
     pub size: Size,
     pub format: ColorFormat,
     /// Colour planes of each layer.
-    color: Vec<Vec<f32>>,
+    color: Vec<Arc<Vec<f32>>>,
     /// Raw depth of each layer.
     depth: Vec<Vec<f32>>,
 }
@@ -442,7 +444,7 @@ impl Input {
             )));
         }
         let color = (0..shape.layers)
-            .map(|layer| read_layer_color(array, &shape, layer, &format))
+            .map(|layer| read_layer_color(array, &shape, layer, &format).map(Arc::new))
             .collect::<PyResult<_>>()?;
         Ok(Input { size: shape.size, format, color, depth: planes.planes })
     }
@@ -457,7 +459,7 @@ impl Input {
             .zip(&self.depth)
             .map(|(color, depth)| {
                 // Where a layer has no surface its depth means nothing.
-                let mut depth = depth.clone();
+                let mut depth = Cow::Borrowed(depth);
                 if layered {
                     let alpha = &color[size.pixels() * (size.channels - 1)..];
                     let background = match kind {
@@ -467,14 +469,11 @@ impl Input {
                         DepthKind::ZBuffer { .. } => 1.0,
                         DepthKind::Z | DepthKind::Distance => f32::INFINITY,
                     };
-                    depth
-                        .iter_mut()
-                        .zip(alpha)
-                        .filter(|(_, a)| **a <= 0.0)
-                        .for_each(|(d, _)| *d = background);
+                    let values = depth.to_mut().iter_mut();
+                    values.zip(alpha).filter(|(_, a)| **a <= 0.0).for_each(|(d, _)| *d = background);
                 }
                 let disparity = disparity_plane(&depth, (size.width, size.height), kind, focal_px, invalid)?;
-                Ok(Layer { color: color.clone(), disparity })
+                Ok(Layer { color: Arc::clone(color), disparity })
             })
             .collect::<PyResult<_>>()?;
         Ok(Picture { size, layers })

@@ -8,13 +8,14 @@ use super::surfaces;
 use super::unmix::{Frame, HalfPlane, Mixed, unmix};
 use crate::picture::{Layer, Picture, Size};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// One cell a pixel at most.
 pub struct Sheet {
     /// Shift of every cell relative to infinity, in pixels; NaN where there is none.
     pub s: Vec<f32>,
     /// Colour of every cell, planar; zero where there is none.
-    pub color: Vec<f32>,
+    pub color: Arc<Vec<f32>>,
     /// The cells that cover their pixel in part, by rising index.
     pub partial: Vec<(usize, HalfPlane)>,
     /// Steeper neighbours than [`surfaces::CONNECTED_PX`] that are one surface all the same; see
@@ -26,7 +27,7 @@ impl Sheet {
     fn empty(size: Size) -> Sheet {
         Sheet {
             s: vec![f32::NAN; size.pixels()],
-            color: vec![0.0; size.pixels() * size.channels],
+            color: Arc::new(vec![0.0; size.pixels() * size.channels]),
             partial: Vec::new(),
             links: Vec::new(),
         }
@@ -34,8 +35,9 @@ impl Sheet {
 
     fn set(&mut self, size: Size, index: usize, s: f32, color: [f32; 4]) {
         self.s[index] = s;
+        let planes = Arc::make_mut(&mut self.color);
         for c in 0..size.channels {
-            self.color[c * size.pixels() + index] = color[c];
+            planes[c * size.pixels() + index] = color[c];
         }
     }
 }
@@ -73,12 +75,12 @@ fn from_one_layer(size: Size, layer: &Layer, k: f64) -> Sheets {
     let frame = Frame { size, color: &layer.color, s: &s, links: &links };
     let mixed = unmix(&frame);
     if mixed.is_empty() {
-        let front = Sheet { color: layer.color.clone(), s, partial: Vec::new(), links };
+        let front = Sheet { color: Arc::clone(&layer.color), s, partial: Vec::new(), links };
         return Sheets { size, sheets: vec![front], opaque: true };
     }
 
     let mut front =
-        Sheet { s: s.clone(), color: layer.color.clone(), ..Sheet::empty(Size { channels: 0, ..size }) };
+        Sheet { s: s.clone(), color: Arc::clone(&layer.color), partial: Vec::new(), links: Vec::new() };
     let mut back = Sheet::empty(size);
     for m in &mixed {
         if m.coverage > 0.0 {
@@ -134,13 +136,13 @@ fn from_layers(size: Size, layers: &[Layer], k: f64) -> Sheets {
             let mut s = scaled(&layer.disparity, k);
             let links = surfaces::links(&s, size.width, size.height);
             s.iter_mut().zip(coverage).filter(|(_, a)| **a <= 0.0).for_each(|(s, _)| *s = f32::NAN);
-            let mut color = layer.color.clone();
+            let mut color = Vec::clone(&layer.color);
             color.par_chunks_mut(n).for_each(|plane| {
                 for (c, &a) in plane.iter_mut().zip(coverage) {
                     *c = if a > 0.0 { *c / a } else { 0.0 };
                 }
             });
-            Sheet { s, color, partial: layer_half_planes(size, coverage), links }
+            Sheet { s, color: Arc::new(color), partial: layer_half_planes(size, coverage), links }
         })
         .collect();
     let covered = |i: usize| layers.iter().any(|l| l.color[alpha * n + i] >= 1.0);
