@@ -1,7 +1,44 @@
+from collections.abc import Sequence
 from os import PathLike
-from typing import Any, Literal, final
+from typing import Any, Literal, TypeAlias, TypedDict, TypeVar, final, type_check_only
 
+import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import Unpack
+
+__all__ = [
+    "Aperture",
+    "DeviceError",
+    "ExrPart",
+    "Lens",
+    "Scene",
+    "__version__",
+    "coc",
+    "decode_codes",
+    "encode_codes",
+    "exr_parts",
+    "file_kind",
+    "read_exr",
+    "read_raster",
+    "render",
+    "simd_available",
+    "write_bytes",
+    "write_exr",
+    "write_pfm",
+    "write_png",
+    "write_tiff",
+]
+
+_Sample = TypeVar("_Sample", bound=np.float16 | np.float32 | np.float64 | np.uint8 | np.uint16)
+
+_Alpha: TypeAlias = Literal["premultiplied", "straight", "none"]
+_DepthKind: TypeAlias = Literal["z", "distance", "inverse_z", "disparity", "zbuffer", "distance_from_near"]
+_Device: TypeAlias = Literal["auto", "cpu", "gpu"]
+_FovAxis: TypeAlias = Literal["x", "y", "diagonal", "smaller", "larger"]
+_Invalid: TypeAlias = Literal["raise", "far"]
+_Method: TypeAlias = Literal["lens"]
+_Path: TypeAlias = str | PathLike[str]
+_Transfer: TypeAlias = Literal["linear", "srgb"]
 
 __version__: str
 
@@ -12,37 +49,108 @@ class Aperture:
     def __new__(
         cls, *, blades: int = 0, rotation: float = 0.0, apodization: float | None = None
     ) -> Aperture: ...
+    @property
+    def blades(self, /) -> int: ...
+    @property
+    def rotation(self, /) -> float: ...
+    @property
+    def apodization(self, /) -> float | None: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __hash__(self, /) -> int: ...
+    def __getnewargs_ex__(self, /) -> tuple[tuple[()], dict[str, Any]]: ...
+
+@type_check_only
+class _LensWords(TypedDict, total=False):
+    aperture_radius: float
+    focus_distance: float
+    fov: float
+    fov_axis: _FovAxis
+    strength_px: float
+    focus: float
 
 @final
 class Lens:
     def __new__(
-        cls, *, aperture_radius: float, focus_distance: float, fov: float, fov_axis: str = "x"
+        cls, *, aperture_radius: float, focus_distance: float, fov: float, fov_axis: _FovAxis = "x"
     ) -> Lens: ...
     @staticmethod
     def from_camera(
         *, focal_length_mm: float, f_number: float, focus_distance: float, sensor_width_mm: float = 36.0
     ) -> Lens: ...
+    # A mitsuba.Sensor or a dict; Mitsuba need not be installed.
+    @staticmethod
+    def from_mitsuba(sensor: Any) -> Lens: ...
+    @staticmethod
+    def from_blender(camera: dict[str, Any]) -> Lens: ...
     @staticmethod
     def from_disparity(*, strength_px: float, focus: float) -> Lens: ...
     @property
+    def aperture_radius(self, /) -> float | None: ...
+    @property
     def focus_distance(self, /) -> float | None: ...
     @property
+    def fov(self, /) -> float | None: ...
+    @property
+    def fov_axis(self, /) -> _FovAxis | None: ...
+    @property
+    def strength_px(self, /) -> float | None: ...
+    @property
     def focus(self, /) -> float | None: ...
-    def replace(self, /, **changes: float | str) -> Lens: ...
+    def replace(self, /, **changes: Unpack[_LensWords]) -> Lens: ...
     def focused_at(
         self,
         /,
-        depth: NDArray[Any],
+        depth: NDArray[np.floating[Any]],
         x: int,
         y: int,
         *,
-        depth_kind: str = "z",
+        depth_kind: _DepthKind = "z",
         near: float | None = None,
         far: float | None = None,
     ) -> Lens: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __hash__(self, /) -> int: ...
 
 @final
-class Scene: ...
+class Scene:
+    def __new__(
+        cls,
+        color: NDArray[np.floating[Any]] | NDArray[np.integer[Any]],
+        depth: NDArray[np.floating[Any]],
+        *,
+        device: _Device = "auto",
+        depth_kind: _DepthKind = "z",
+        near: float | None = None,
+        far: float | None = None,
+        invalid: _Invalid = "raise",
+        alpha: _Alpha | None = None,
+        transfer: _Transfer | None = None,
+        overscan: int = 0,
+        supersample: int = 1,
+    ) -> Scene: ...
+    def render(
+        self,
+        /,
+        lens: Lens,
+        *,
+        method: _Method = "lens",
+        aperture: Aperture | None = None,
+        threads: int | None = None,
+        views: int | None = None,
+    ) -> NDArray[Any]: ...
+    def focal_stack(
+        self,
+        /,
+        lens: Lens,
+        distances: Sequence[float] | NDArray[np.floating[Any]],
+        *,
+        method: _Method = "lens",
+        aperture: Aperture | None = None,
+        threads: int | None = None,
+        views: int | None = None,
+    ) -> NDArray[Any]: ...
 
 @final
 class ExrPart:
@@ -56,50 +164,52 @@ class ExrPart:
     def display_window(self, /) -> tuple[int, int, int, int]: ...
 
 def coc(
-    depth: NDArray[Any],
+    depth: NDArray[np.floating[Any]],
     lens: Lens,
     *,
-    depth_kind: str = "z",
+    depth_kind: _DepthKind = "z",
     near: float | None = None,
     far: float | None = None,
-    invalid: str = "raise",
-) -> NDArray[Any]: ...
-def decode_codes(codes: NDArray[Any], *, srgb: bool, alpha: bool) -> NDArray[Any]: ...
-def encode_codes(values: NDArray[Any], *, sixteen: bool, alpha: bool) -> NDArray[Any]: ...
-def exr_parts(path: str | PathLike[str]) -> list[ExrPart]: ...
-def file_kind(path: str | PathLike[str]) -> str: ...
-def read_exr(
-    path: str | PathLike[str], part: int, channels: list[str], *, data: bool, fill: float
-) -> NDArray[Any]: ...
-def read_raster(
-    path: str | PathLike[str],
-) -> tuple[NDArray[Any], Literal["none", "straight", "premultiplied"]]: ...
+    invalid: _Invalid = "raise",
+) -> NDArray[np.float32]: ...
 def render(
-    color: NDArray[Any],
-    depth: NDArray[Any],
+    color: NDArray[_Sample],
+    depth: NDArray[np.floating[Any]],
     lens: Lens,
     *,
-    method: str = "lens",
-    device: str = "auto",
+    method: _Method = "lens",
+    device: _Device = "auto",
     aperture: Aperture | None = None,
-    depth_kind: str = "z",
+    depth_kind: _DepthKind = "z",
     near: float | None = None,
     far: float | None = None,
-    invalid: str = "raise",
-    alpha: str | None = None,
-    transfer: str | None = None,
+    invalid: _Invalid = "raise",
+    alpha: _Alpha | None = None,
+    transfer: _Transfer | None = None,
     overscan: int = 0,
     supersample: int = 1,
     threads: int | None = None,
     views: int | None = None,
-) -> NDArray[Any]: ...
-def write_bytes(path: str | PathLike[str], bytes: bytes) -> None: ...
+) -> NDArray[_Sample]: ...
+def simd_available() -> list[Literal["portable", "avx2", "avx512"]]: ...
+
+# Files; `dofsim.io` is the public face of these.
+
+def decode_codes(codes: NDArray[Any], *, srgb: bool, alpha: bool) -> NDArray[np.float32]: ...
+def encode_codes(values: NDArray[np.float32], *, sixteen: bool, alpha: bool) -> NDArray[Any]: ...
+def exr_parts(path: _Path) -> list[ExrPart]: ...
+def file_kind(path: _Path) -> Literal["exr", "png", "tiff", "pfm", "npy", "npz"]: ...
+def read_exr(
+    path: _Path, part: int, channels: list[str], *, data: bool, fill: float
+) -> NDArray[np.float32]: ...
+def read_raster(path: _Path) -> tuple[NDArray[Any], _Alpha]: ...
+def write_bytes(path: _Path, bytes: bytes) -> None: ...
 def write_exr(
-    path: str | PathLike[str],
+    path: _Path,
     parts: list[tuple[str | None, list[tuple[str, NDArray[Any]]]]],
     *,
     compression: str,
 ) -> None: ...
-def write_pfm(path: str | PathLike[str], pixels: NDArray[Any]) -> None: ...
-def write_png(path: str | PathLike[str], pixels: NDArray[Any]) -> None: ...
-def write_tiff(path: str | PathLike[str], pixels: NDArray[Any], premultiplied: bool) -> None: ...
+def write_pfm(path: _Path, pixels: NDArray[Any]) -> None: ...
+def write_png(path: _Path, pixels: NDArray[Any]) -> None: ...
+def write_tiff(path: _Path, pixels: NDArray[Any], premultiplied: bool) -> None: ...

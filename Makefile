@@ -1,0 +1,74 @@
+# `make demo` and `make test` need Rust (https://rustup.rs), Python 3.10 or later, and nothing else.
+
+PYTHON ?= python3
+DEMO := .venv
+WORK := .venv-test
+PROFILE := dev-fast
+
+# Dependency groups came with pip 25.1.
+PIP := -m pip --disable-pip-version-check
+NEW_PIP := 'pip>=25.1'
+
+SOURCES := Cargo.toml Cargo.lock pyproject.toml $(shell find src python \
+	-name __pycache__ -prune -o -type f ! -name '*.so' ! -name '*.pyd' -print)
+
+# The Rust tests are programs that hold Python, so they need its library: for the linker, and when they run.
+LIBPYTHON = $(shell $(WORK)/bin/python -c 'import sysconfig as s, pathlib as p; \
+	v = s.get_config_var; d = p.Path(v("LIBDIR") or "."); \
+	found = (d / (v("LDLIBRARY") or "-")).is_file() or v("PYTHONFRAMEWORK"); print(d if found else "")')
+CARGO = PYO3_PYTHON="$(CURDIR)/$(WORK)/bin/python" cargo
+
+.PHONY: help demo test bench clean
+
+help:
+	@echo 'make demo   install into $(DEMO) and render the picture that comes with dofsim into dofsim-demo/'
+	@echo 'make test   check everything, in $(WORK)'
+	@echo 'make bench  speed and memory at 1920 x 1080'
+	@echo 'make clean  remove what these made, but not the ray traced scenes in build/'
+
+demo: $(DEMO)/.installed
+	$(DEMO)/bin/dofsim demo -o dofsim-demo
+
+$(DEMO)/.installed: $(SOURCES)
+	$(PYTHON) -m venv $(DEMO)
+	$(DEMO)/bin/python $(PIP) install --quiet --upgrade $(NEW_PIP)
+	$(DEMO)/bin/python $(PIP) install '.[metrics]'
+	@touch $@
+
+# The tools change with pyproject.toml, the compiled part with every source.
+$(WORK)/.tools: pyproject.toml
+	$(PYTHON) -m venv $(WORK)
+	$(WORK)/bin/python $(PIP) install --quiet --upgrade $(NEW_PIP)
+	$(WORK)/bin/python $(PIP) install --quiet --group test --group lint
+	@$(WORK)/bin/python $(PIP) install --quiet --group reference \
+		|| echo 'SKIPPED: Mitsuba cannot be installed here; the tests against it will be skipped'
+	@touch $@
+
+$(WORK)/.installed: $(WORK)/.tools $(SOURCES)
+	$(WORK)/bin/python $(PIP) install --quiet --editable . --config-settings 'build-args=--profile $(PROFILE)'
+	@touch $@
+
+test: $(WORK)/.installed
+	cargo fmt --check
+	$(CARGO) clippy --quiet --all-targets --profile $(PROFILE) -- -D warnings
+ifeq ($(shell uname -s),Darwin)
+	$(if $(LIBPYTHON),DYLD_LIBRARY_PATH="$(LIBPYTHON)" $(CARGO) test --profile $(PROFILE),$(NO_LIBPYTHON))
+else
+	$(if $(LIBPYTHON),LD_LIBRARY_PATH="$(LIBPYTHON)" $(CARGO) test --profile $(PROFILE),$(NO_LIBPYTHON))
+endif
+	$(WORK)/bin/ruff check
+	$(WORK)/bin/ruff format --check
+	$(WORK)/bin/mypy
+	$(WORK)/bin/python -m mypy.stubtest dofsim._dofsim
+	$(WORK)/bin/python -m pytest -ra
+
+NO_LIBPYTHON = @echo 'SKIPPED: cargo test: this Python has no library to link with (Debian: python3-dev)'
+
+bench: $(DEMO)/.installed
+	$(DEMO)/bin/python $(PIP) install --quiet opencv-python-headless
+	$(DEMO)/bin/python tests/bench/peers.py
+
+clean:
+	rm -rf $(DEMO) $(WORK) target dist dofsim-demo .mypy_cache .pytest_cache .ruff_cache
+	find python tests \( -name __pycache__ -o -name '_dofsim*.so' -o -name '_dofsim*.pyd' \) -prune \
+		-exec rm -rf {} +

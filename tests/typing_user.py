@@ -1,0 +1,47 @@
+"""A user's program as `mypy --strict` sees it; never run, but it would run.
+
+What must be an error carries an ignore comment, and mypy reports comments that nothing needs.
+"""
+
+from typing import Any
+
+import numpy as np
+from dofsim import Aperture, DeviceError, Lens, Scene, coc, io, metrics, render
+from numpy.typing import NDArray
+from typing_extensions import assert_type
+
+
+def bracket(color: NDArray[np.float32], depth: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Use every part of the public interface as its types allow."""
+    lens = Lens(aperture_radius=0.05, focus_distance=3.0, fov=42.0, fov_axis="larger")
+    for other in (
+        Lens.from_camera(focal_length_mm=50, f_number=1.8, focus_distance=float("inf")),
+        Lens.from_mitsuba({"type": "thinlens"}),
+        Lens.from_blender({"lens": 50.0, "fstop": 2.5, "focus_distance": 4.0}),
+        Lens.from_disparity(strength_px=30.0, focus=0.8),
+    ):
+        known = {lens, other}
+        lens = other if len(known) == 1 else lens
+    lens = lens.replace(fov=40.0).focused_at(depth, 3, -1, depth_kind="zbuffer", near=0.1, far=10.0)
+    if lens.focus_distance is not None and lens.aperture_radius is not None:
+        print(lens.aperture_radius / lens.focus_distance, lens.fov_axis)
+    lens.replace(colour=1.0)  # type: ignore[call-arg]
+    lens.fov = 3.0  # type: ignore[misc]
+
+    hexagon = Aperture(blades=6, rotation=15.0)
+    assert_type(hexagon.blades, int)
+    assert_type(coc(depth, lens), NDArray[np.float32])
+    assert_type(render(color.astype(np.float16), depth, lens), NDArray[np.float16])
+    render((255 * color).astype(np.uint8), depth, lens, transfer="srgb")
+    render(color, depth, lens, depth_kind="metres")  # type: ignore[arg-type]
+    render(color, depth, lens, method="fast")  # type: ignore[arg-type]
+
+    scene = Scene(color, depth, device="cpu", supersample=2)
+    assert_type(scene.render(lens, aperture=hexagon), NDArray[Any])
+    scene.focal_stack(lens, [1.0, 2.0], views=128)
+    try:
+        picture = render(color, depth, lens, device="gpu")
+    except DeviceError:
+        picture = render(color, depth, lens, aperture=hexagon, threads=2, overscan=8)
+    print(metrics.psnr(picture, color), io.read_color("picture.exr").pixels.dtype)
+    return picture
