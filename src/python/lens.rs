@@ -121,7 +121,7 @@ impl PyLens {
     /// >>> import dofsim
     /// >>> lens = dofsim.Lens.from_camera(focal_length_mm=50, f_number=2.0, focus_distance=3.0)
     /// >>> round(lens.aperture_radius, 6), round(lens.fov, 3)
-    /// (0.0125, 39.007)
+    /// (0.0125, 38.988)
     #[staticmethod]
     #[pyo3(signature = (*, focal_length_mm, f_number, focus_distance, sensor_width_mm=36.0))]
     fn from_camera(
