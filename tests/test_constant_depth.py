@@ -123,7 +123,7 @@ def test_a_point_inside_keeps_its_energy(radius_px, side, aperture):
 @pytest.mark.parametrize("radius_px", [16.0, 31.0])
 def test_apodized_opening_is_a_gaussian(color, radius_px):
     out = render(color, radius_px, "behind", dofsim.Aperture(apodization=0.25))
-    # The rim cuts the Gaussian at 4 standard deviations, where 3e-4 of its light is left; averaging over pixels
+    # The rim cuts the Gaussian at 4 standard deviations, where 3e-4 of its light is left; averaging a pixel
     # instead of sampling at their centres adds 1/12 to its 16 px^2: 4e-4 seen at radius 16, 6e-5 at 31.
     linear = color.astype(np.float64)
     expected = gaussian(linear, sigma=0.25 * radius_px, truncate=4.0, channel_axis=2, mode="reflect")

@@ -172,7 +172,7 @@ def test_supersampling_is_close_to_averaging_first(color):
 
 @pytest.fixture(scope="module")
 def bars():
-    """A striped bar before a striped wall: its two whole layers, and the bar's coverage."""
+    """Make a striped bar before a striped wall: its two whole layers, and the bar's coverage."""
     x, y = np.meshgrid(np.arange(96), np.arange(80))
     wall = np.stack(
         [0.5 + 0.4 * np.sin(x / 5.0), 0.5 + 0.4 * np.sin(y / 4.0), 0.3 + 0.0 * x, 1.0 + 0.0 * x], -1

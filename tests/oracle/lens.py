@@ -1,4 +1,4 @@
-"""A lens by brute force: every layer a plane that faces the camera, every lens point marched front to back."""
+"""A lens by brute force: every layer a plane facing the camera, every lens point marched front to back."""
 
 import numpy as np
 from numpy.typing import NDArray
