@@ -1,5 +1,6 @@
 """A render as a guest in somebody's process: locks, signals, threads and forks."""
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -38,7 +39,14 @@ def start(code):
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        start_new_session=True,
     )
+
+
+def stop(child):
+    """End the child with whatever it forked."""
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(child.pid, signal.SIGKILL)
 
 
 def test_the_interpreter_is_free_while_a_render_runs():
@@ -86,7 +94,7 @@ def test_interrupt_stops_a_render_within_a_second():
         assert time.perf_counter() - sent < 1.0
         assert child.wait(timeout=10) == 0
     finally:
-        child.kill()
+        stop(child)
         child.communicate()
 
 
@@ -146,7 +154,7 @@ def test_a_forked_child_renders():
     """)
     try:
         # A child that waits for its parent's threads would wait for ever.
-        out, err = child.communicate(timeout=30)
+        out, err = child.communicate(timeout=10)
     finally:
-        child.kill()
+        stop(child)
     assert out.strip() == "0", err
