@@ -1,6 +1,7 @@
 //! NumPy arrays at the border: checked once, converted to planar `f32`, and back.
 
 use super::errors::choice;
+use super::run::installed;
 use crate::color::{Sample, Transfer};
 use crate::depth::{DepthKind, Invalid, disparity_plane};
 use crate::optics::Lens;
@@ -255,10 +256,10 @@ fn read_layer_color(
     let size = shape.size;
     let mut planes = with_sample_type!(format.sample_type, T => view::<T, _>(array, |view| {
         let view = if shape.layered { view.index_axis_move(Axis(0), layer) } else { view };
-        in_order(&view, |samples| color_planes(samples, size, format.transfer))
-    }))?;
+        in_order(&view, |samples| installed(|| color_planes(samples, size, format.transfer)))
+    }))??;
     for (c, plane) in planes.chunks(size.pixels()).enumerate() {
-        if let Some((bad, y, x)) = not_finite(plane, size.width) {
+        if let Some((bad, y, x)) = installed(|| not_finite(plane, size.width))? {
             return Err(PyValueError::new_err(format!(
                 "color has {bad} values in channel {c} that are not finite (or too large for float32); \
                  the first is at row {y}, column {x}"
@@ -277,7 +278,7 @@ fn read_layer_color(
         }
     }
     if format.alpha == Alpha::Straight {
-        scale_by_alpha(&mut planes, size, |v, a| v * a);
+        installed(|| scale_by_alpha(&mut planes, size, |v, a| v * a))?;
     }
     Ok(planes)
 }
@@ -376,9 +377,9 @@ pub fn read_depth(depth: &Bound<'_, PyAny>) -> PyResult<DepthPlanes> {
     }
     let planes = with_sample_type!(sample_type, T => view::<T, _>(array, |view| {
         let layer = |i: usize| if view.ndim() == 3 { view.index_axis(Axis(0), i) } else { view.view() };
-        let values = |v: &[T]| v.par_iter().map(|d| d.to_code()).collect();
-        (0..layers).map(|i| in_order(&layer(i), values)).collect()
-    }))?;
+        let values = |v: &[T]| installed(|| v.par_iter().map(|d| d.to_code()).collect());
+        (0..layers).map(|i| in_order(&layer(i), values)).collect::<PyResult<_>>()
+    }))??;
     Ok(DepthPlanes { width, height, planes })
 }
 
@@ -407,9 +408,10 @@ pub fn read_depth_value(
         let focal_px = lens.focal_px(size.0, size.1);
         let mut plane = vec![1.0f32; size.0 * size.1];
         plane[y * size.0 + x] = one[0];
-        one[0] = disparity_plane(&plane, size, kind, focal_px, Invalid::Raise)?[y * size.0 + x];
+        one[0] =
+            installed(|| disparity_plane(&plane, size, kind, focal_px, Invalid::Raise))??[y * size.0 + x];
     } else {
-        one = disparity_plane(&one, (1, 1), kind, None, Invalid::Raise)?;
+        one = installed(|| disparity_plane(&one, (1, 1), kind, None, Invalid::Raise))??;
     }
     Ok(f64::from(one[0]))
 }
@@ -472,7 +474,9 @@ impl Input {
                     let values = depth.to_mut().iter_mut();
                     values.zip(alpha).filter(|(_, a)| **a <= 0.0).for_each(|(d, _)| *d = background);
                 }
-                let disparity = disparity_plane(&depth, (size.width, size.height), kind, focal_px, invalid)?;
+                let disparity = installed(|| {
+                    disparity_plane(&depth, (size.width, size.height), kind, focal_px, invalid)
+                })??;
                 Ok(Layer { color: Arc::clone(color), disparity })
             })
             .collect::<PyResult<_>>()?;
@@ -489,18 +493,22 @@ pub fn write_color<'py>(
 ) -> PyResult<Bound<'py, PyAny>> {
     let channels = size.channels;
     if format.alpha == Alpha::Straight {
-        pixels.par_chunks_mut(channels).for_each(|pixel| {
-            let alpha = pixel[channels - 1];
-            if alpha > 0.0 {
-                pixel[..channels - 1].iter_mut().for_each(|v| *v /= alpha);
-            }
-        });
+        installed(|| {
+            pixels.par_chunks_mut(channels).for_each(|pixel| {
+                let alpha = pixel[channels - 1];
+                if alpha > 0.0 {
+                    pixel[..channels - 1].iter_mut().for_each(|v| *v /= alpha);
+                }
+            });
+        })?;
     }
     if format.transfer != Transfer::Linear {
-        pixels.par_chunks_mut(channels).for_each(|pixel| {
-            let colors = channels.min(3);
-            pixel[..colors].iter_mut().for_each(|v| *v = format.transfer.encode(*v));
-        });
+        installed(|| {
+            pixels.par_chunks_mut(channels).for_each(|pixel| {
+                let colors = channels.min(3);
+                pixel[..colors].iter_mut().for_each(|v| *v = format.transfer.encode(*v));
+            });
+        })?;
     }
     let shape =
         if format.flat { vec![size.height, size.width] } else { vec![size.height, size.width, channels] };
@@ -508,7 +516,7 @@ pub fn write_color<'py>(
         return Ok(PyArray1::from_vec(py, pixels).reshape(shape)?.into_any());
     }
     Ok(with_sample_type!(format.sample_type, T => {
-        let samples: Vec<T> = pixels.into_par_iter().map(T::from_code).collect();
+        let samples: Vec<T> = installed(|| pixels.into_par_iter().map(T::from_code).collect())?;
         PyArray1::from_vec(py, samples).reshape(shape)?.into_any()
     }))
 }

@@ -6,7 +6,7 @@ use super::arrays::{
 };
 use super::errors::{DeviceError, choice};
 use super::lens::PyLens;
-use super::run::{detached, simd};
+use super::run::{detached, installed, simd};
 use crate::aperture::Aperture;
 use crate::depth::{DepthKind, Invalid, disparity_plane};
 use crate::optics::{Lens, Optics};
@@ -15,7 +15,6 @@ use crate::render::{Options, Scene};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use rayon::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// How the picture relates to the output.
@@ -263,9 +262,9 @@ pub fn coc<'py>(
     let focal_px = lens.core.focal_px(size.0, size.1);
     let mut radius = Vec::with_capacity(size.0 * size.1 * planes.planes.len());
     for plane in &planes.planes {
-        let disparity = disparity_plane(plane, size, kind, focal_px, invalid)?;
+        let disparity = installed(|| disparity_plane(plane, size, kind, focal_px, invalid))??;
         // Adding zero turns the negative zero of the focus plane into a plain one.
-        radius.par_extend(disparity.par_iter().map(|&d| (0.0 - optics.shift_px(f64::from(d))) as f32 + 0.0));
+        radius.extend(disparity.iter().map(|&d| (0.0 - optics.shift_px(f64::from(d))) as f32 + 0.0));
     }
     let shape: Vec<usize> = depth.getattr("shape")?.extract()?;
     Ok(PyArray1::from_vec(py, radius).reshape(shape)?.into_any())

@@ -46,6 +46,12 @@ fn thread_count(threads: Option<usize>) -> PyResult<usize> {
     }
 }
 
+/// Runs short `work` on this process's own workers while the interpreter lock is held. Rayon's global pool would be
+/// dead in a forked child.
+pub fn installed<T: Send>(work: impl FnOnce() -> T + Send) -> PyResult<T> {
+    Ok(pool(thread_count(None)?)?.install(work))
+}
+
 /// Runs `work` on `threads` workers without the interpreter lock. A signal handler that raises, such as Ctrl-C's,
 /// stops the work and its exception is raised.
 pub fn detached<T: Send>(
