@@ -46,17 +46,20 @@ impl Scene {
         self.picture.size
     }
 
+    /// The sheets for this lens, made anew if those at hand are for another strength.
+    ///
+    /// The lock is never held over parallel work: a worker that waits inside it may be handed another render of
+    /// the same scene, and would wait for itself.
     fn sheets(&self, optics: &Optics) -> Result<Arc<Sheets>> {
         // A poisoned lock only means that another render was interrupted; what it holds is whole or absent.
-        let mut cached = self.sheets.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        if let Some((k, sheets)) = cached.as_ref()
-            && *k == optics.k
-        {
+        let cached = || self.sheets.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let at_hand = cached().as_ref().filter(|(k, _)| *k == optics.k).map(|(_, sheets)| Arc::clone(sheets));
+        if let Some(sheets) = at_hand {
             cpu::lens::check_radius(&self.picture, optics)?;
-            return Ok(Arc::clone(sheets));
+            return Ok(sheets);
         }
         let sheets = Arc::new(cpu::lens::prepare(&self.picture, optics)?);
-        *cached = Some((optics.k, Arc::clone(&sheets)));
+        *cached() = Some((optics.k, Arc::clone(&sheets)));
         Ok(sheets)
     }
 

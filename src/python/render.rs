@@ -310,15 +310,16 @@ impl PyScene {
         read_depth_kind(&DepthWords { depth_kind, near, far }, lens)?;
         let size = self.input.size;
         let focal_px = self.frame.focal_px(size, lens).filter(|_| self.kind.needs_rays());
-        let mut cached = self.scene.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((made_with, scene)) = cached.as_ref()
-            && *made_with == focal_px
-        {
-            return Ok(Arc::clone(scene));
+        // As for the sheets of a scene, the lock is not held over parallel work.
+        let cached = || self.scene.lock().unwrap_or_else(PoisonError::into_inner);
+        let at_hand =
+            cached().as_ref().filter(|(made_with, _)| *made_with == focal_px).map(|(_, s)| Arc::clone(s));
+        if let Some(scene) = at_hand {
+            return Ok(scene);
         }
         let picture = self.input.picture(self.kind, focal_px, self.invalid)?;
         let scene = Arc::new(Scene::new(picture, self.frame.supersample));
-        *cached = Some((focal_px, Arc::clone(&scene)));
+        *cached() = Some((focal_px, Arc::clone(&scene)));
         Ok(scene)
     }
 
