@@ -1,24 +1,12 @@
-//! A render from end to end: which method, on which picture, with which choices.
+//! A render from end to end: a picture, what is prepared from it, and what comes out.
 
-use crate::aperture::Aperture;
 use crate::cancel::Cancel;
 use crate::cpu;
-use crate::cpu::lens::{Settings, Sheets, Simd};
+use crate::cpu::lens::{Settings, Sheets};
 use crate::error::Result;
 use crate::optics::Optics;
-use crate::picture::{Picture, Size};
+use crate::picture::Picture;
 use std::sync::{Arc, Mutex};
-
-/// The choices of one render.
-#[derive(Debug, Clone, Copy)]
-pub struct Options {
-    /// The opening.
-    pub aperture: Aperture,
-    /// Number of views everywhere, or chosen for each tile.
-    pub views: Option<usize>,
-    /// Instruction set.
-    pub simd: Simd,
-}
 
 /// A picture on its device, with what has been prepared from it.
 pub struct Scene {
@@ -33,17 +21,6 @@ impl Scene {
     /// A scene of a picture whose width and height are multiples of `supersample`.
     pub fn new(picture: Picture, supersample: usize) -> Scene {
         Scene { picture, supersample, sheets: Mutex::new(None) }
-    }
-
-    /// Size of what [`Scene::render`] returns.
-    pub fn output_size(&self) -> Size {
-        let Size { width, height, channels } = self.picture.size;
-        Size { width: width / self.supersample, height: height / self.supersample, channels }
-    }
-
-    /// Size of the picture itself.
-    pub fn picture_size(&self) -> Size {
-        self.picture.size
     }
 
     /// The sheets for this lens, made anew if those at hand are for another strength.
@@ -64,15 +41,9 @@ impl Scene {
     }
 
     /// The scene through a lens, interleaved, premultiplied where it has coverage.
-    pub fn render(&self, optics: &Optics, options: &Options, cancel: &Cancel) -> Result<Vec<f32>> {
+    pub fn render(&self, optics: &Optics, settings: &Settings, cancel: &Cancel) -> Result<Vec<f32>> {
         let sheets = self.sheets(optics)?;
-        let settings = Settings {
-            aperture: options.aperture,
-            views: options.views,
-            supersample: self.supersample,
-            simd: options.simd,
-        };
-        let full = cpu::lens::render(&self.picture, &sheets, optics, &settings, cancel)?;
+        let full = cpu::lens::render(&self.picture, &sheets, optics, settings, self.supersample, cancel)?;
         Ok(match self.supersample {
             1 => full,
             n => cpu::resolve::box_average(&full, self.picture.size, n),

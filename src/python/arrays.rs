@@ -451,7 +451,7 @@ impl Input {
         Ok(Input { size: shape.size, format, color, depth: planes.planes })
     }
 
-    /// Whether the kinds of depth along the ray can be used, they need the focal length; see [`Lens::focal_px`].
+    /// The picture in disparity. Kinds of depth along the ray need `focal_px`; see [`Lens::focal_px`].
     pub fn picture(&self, kind: DepthKind, focal_px: Option<f64>, invalid: Invalid) -> PyResult<Picture> {
         let size = self.size;
         let layered = self.color.len() > 1;

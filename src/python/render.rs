@@ -8,10 +8,11 @@ use super::errors::{DeviceError, choice};
 use super::lens::PyLens;
 use super::run::{detached, installed, simd};
 use crate::aperture::Aperture;
+use crate::cpu::lens::Settings;
 use crate::depth::{DepthKind, Invalid, disparity_plane};
 use crate::optics::{Lens, Optics};
 use crate::picture::Size;
-use crate::render::{Options, Scene};
+use crate::render::Scene;
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -100,13 +101,13 @@ fn check_device(name: &str) -> PyResult<()> {
     }
 }
 
-fn read_options(aperture: Option<&PyAperture>, views: Option<usize>) -> PyResult<Options> {
+fn read_settings(aperture: Option<&PyAperture>, views: Option<usize>) -> PyResult<Settings> {
     if let Some(n) = views
         && !(16..=16_384).contains(&n)
     {
         return Err(PyValueError::new_err(format!("views must be from 16 to 16384; got {n}")));
     }
-    Ok(Options { aperture: aperture.map_or(Aperture::DISC, |a| a.core), views, simd: simd()? })
+    Ok(Settings { aperture: aperture.map_or(Aperture::DISC, |a| a.core), views, simd: simd()? })
 }
 
 /// The picture that a real lens would have taken.
@@ -331,13 +332,13 @@ impl PyScene {
         &self,
         py: Python<'_>,
         lens: &Lens,
-        options: &Options,
+        settings: &Settings,
         threads: Option<usize>,
     ) -> PyResult<Vec<f32>> {
         let scene = self.scene(lens)?;
         let optics = self.frame.optics(self.input.size, lens);
         let (frame, size) = (self.frame, self.input.size);
-        detached(py, threads, move |cancel| Ok(frame.crop(scene.render(&optics, options, cancel)?, size)))
+        detached(py, threads, move |cancel| Ok(frame.crop(scene.render(&optics, settings, cancel)?, size)))
     }
 }
 
@@ -398,8 +399,8 @@ impl PyScene {
         views: Option<usize>,
     ) -> PyResult<Bound<'py, PyAny>> {
         choice("method", method, &METHODS)?;
-        let options = read_options(aperture, views)?;
-        let pixels = self.pixels(py, &lens.core, &options, threads)?;
+        let settings = read_settings(aperture, views)?;
+        let pixels = self.pixels(py, &lens.core, &settings, threads)?;
         write_color(py, pixels, self.frame.output(self.input.size), self.format())
     }
 

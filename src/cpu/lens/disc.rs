@@ -1,7 +1,7 @@
 //! Tiles that see one closed surface of nearly constant depth: the exact, area-weighted opening by running sums.
 
 use super::kernels::{self, Kernels};
-use super::pack::TILE;
+use super::pack::{TILE, mirrored};
 use super::sweep::TileColor;
 use crate::aperture::{Aperture, Kernel};
 use crate::picture::Size;
@@ -18,16 +18,11 @@ struct Surroundings {
     sums: Vec<Vec<f64>>,
 }
 
-fn mirrored(i: i64, n: usize) -> usize {
-    let i = i.rem_euclid(2 * n as i64) as usize;
-    if i < n { i } else { 2 * n - 1 - i }
-}
-
 impl Surroundings {
     fn new(size: Size, color: &[f32], origin: (usize, usize), reach: usize) -> Surroundings {
         let (across, down) = (TILE.0 + 2 * reach, TILE.1 + 2 * reach);
         let from = |start: usize, n: usize, extent: usize| -> Vec<usize> {
-            (0..n).map(|i| mirrored((start + i) as i64 - reach as i64, extent)).collect()
+            (0..n).map(|i| mirrored((start + i) as i64 - reach as i64, extent).0).collect()
         };
         let (columns, rows) = (from(origin.0, across, size.width), from(origin.1, down, size.height));
         let (mut planes, mut sums) = (Vec::new(), Vec::new());

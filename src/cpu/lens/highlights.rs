@@ -4,8 +4,7 @@
 //! opening; each pixel of it asks along its own ray whether something nearer is in the way.
 
 use super::kernels::Kernels;
-use super::pack::TILE;
-use super::pack::{BLOCK, Packed};
+use super::pack::{BLOCK, Packed, TILE};
 use super::sheets::Sheets;
 use super::sweep::TileColor;
 use super::tiles::{IN_FOCUS_PX, Tile};

@@ -45,8 +45,6 @@ pub struct Settings {
     pub aperture: Aperture,
     /// Number of views everywhere, or chosen for each tile.
     pub views: Option<usize>,
-    /// Pixels of the picture that one pixel of the output averages, along each axis.
-    pub supersample: usize,
     /// Instruction set.
     pub simd: Simd,
 }
@@ -70,21 +68,22 @@ pub fn prepare(picture: &Picture, optics: &Optics) -> Result<Sheets> {
     Ok(sheets::build(picture, optics.k))
 }
 
-/// The picture through a lens focused at `s_focus`, interleaved.
+/// The picture through a lens, interleaved. One pixel of the output will average `supersample` of the picture along
+/// each axis, and so many fewer views are enough.
 pub fn render(
     picture: &Picture,
     sheets: &Sheets,
     optics: &Optics,
     settings: &Settings,
+    supersample: usize,
     cancel: &Cancel,
 ) -> Result<Vec<f32>> {
     let size = picture.size;
     let s_focus = optics.k * optics.d_focus;
     let mut out = vec![0.0f32; size.pixels() * size.channels];
     cancel.check()?;
-    let count_views = |radius_px: f64| {
-        settings.views.unwrap_or_else(|| views::count_for(radius_px / settings.supersample as f64))
-    };
+    let count_views =
+        |radius_px: f64| settings.views.unwrap_or_else(|| views::count_for(radius_px / supersample as f64));
     let area = settings.aperture.relative_area();
     let mut packed = Packed::new(sheets, s_focus);
     cancel.check()?;

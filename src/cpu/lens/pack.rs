@@ -59,7 +59,7 @@ impl Padding {
 }
 
 /// Half-sample symmetric extension, however far out: `.. 1 0 | 0 1 2 .. n-1 | n-1 n-2 ..`.
-fn mirrored(i: i64, n: usize) -> (usize, bool) {
+pub fn mirrored(i: i64, n: usize) -> (usize, bool) {
     let i = i.rem_euclid(2 * n as i64) as usize;
     if i < n { (i, false) } else { (2 * n - 1 - i, true) }
 }

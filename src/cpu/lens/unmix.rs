@@ -11,6 +11,9 @@ use rayon::prelude::*;
 const MAX_RING: i32 = 4;
 /// Coverage closer than this to 0 or 1 is taken for pure.
 const PURE: f32 = 0.01;
+/// How much of a mixed pixel's colour may stay unexplained by two pure ones, as a multiple of their variances and
+/// squared contrast.
+const UNEXPLAINED: f32 = 2.0;
 
 /// The frame as the preparation sees it.
 #[derive(Clone, Copy)]
@@ -166,10 +169,6 @@ fn unmix_pixel(frame: &Frame, x: usize, y: usize) -> Option<Mixed> {
         };
     Some(Mixed { index, s_front, front, coverage, s_back, back })
 }
-
-/// How much of a mixed pixel's colour may stay unexplained by two pure ones, as a multiple of their variances and
-/// squared contrast.
-const UNEXPLAINED: f32 = 2.0;
 
 /// Mean squared difference, around a pixel, of a surface's pixels from its pure colour.
 fn spread(frame: &Frame, x: usize, y: usize, s_surface: f32, pure: [f32; 4]) -> f32 {
