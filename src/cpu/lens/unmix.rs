@@ -14,6 +14,9 @@ const PURE: f32 = 0.01;
 /// How much of a mixed pixel's colour may stay unexplained by two pure ones, as a multiple of their variances and
 /// squared contrast.
 const UNEXPLAINED: f32 = 2.0;
+/// A pixel's depth is that of its centre: what is unexplained there is that surface's rather than the other's, in
+/// terms of variance.
+const SEEN_AT_CENTRE: f32 = 4.0;
 
 /// The frame as the preparation sees it.
 #[derive(Clone, Copy)]
@@ -161,9 +164,11 @@ fn unmix_pixel(frame: &Frame, x: usize, y: usize) -> Option<Mixed> {
         } else {
             // Something that neither pure colour shows, such as half a lamp: it belongs to the surface whose pixels
             // around, mixed ones too, vary the most.
+            let (own_front, own_back) =
+                if frame.s[index] > middle { (SEEN_AT_CENTRE, 1.0) } else { (1.0, SEEN_AT_CENTRE) };
             let varied = pixel.split(
-                spread(frame, x, y, s_front, front) + front_variance + floor,
-                spread(frame, x, y, s_back, back) + back_variance + floor,
+                own_front * (spread(frame, x, y, s_front, front) + front_variance + floor),
+                own_back * (spread(frame, x, y, s_back, back) + back_variance + floor),
             );
             (varied.coverage, varied.front, varied.back)
         };
