@@ -27,7 +27,7 @@ impl Scene {
     ///
     /// The lock is never held over parallel work: a worker that waits inside it may be handed another render of
     /// the same scene, and would wait for itself.
-    fn sheets(&self, optics: &Optics) -> Result<Arc<Sheets>> {
+    fn sheets(&self, optics: &Optics, settings: &Settings, cancel: &Cancel) -> Result<Arc<Sheets>> {
         // A poisoned lock only means that another render was interrupted; what it holds is whole or absent.
         let cached = || self.sheets.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         let at_hand = cached().as_ref().filter(|(k, _)| *k == optics.k).map(|(_, sheets)| Arc::clone(sheets));
@@ -35,14 +35,14 @@ impl Scene {
             cpu::lens::check_radius(&self.picture, optics)?;
             return Ok(sheets);
         }
-        let sheets = Arc::new(cpu::lens::prepare(&self.picture, optics)?);
+        let sheets = Arc::new(cpu::lens::prepare(&self.picture, optics, settings.simd, cancel)?);
         *cached() = Some((optics.k, Arc::clone(&sheets)));
         Ok(sheets)
     }
 
     /// The scene through a lens, interleaved, premultiplied where it has coverage.
     pub fn render(&self, optics: &Optics, settings: &Settings, cancel: &Cancel) -> Result<Vec<f32>> {
-        let sheets = self.sheets(optics)?;
+        let sheets = self.sheets(optics, settings, cancel)?;
         let full = cpu::lens::render(&self.picture, &sheets, optics, settings, self.supersample, cancel)?;
         Ok(match self.supersample {
             1 => full,

@@ -4,11 +4,12 @@
 //! so sparse that the places they draw a cell at come apart, cells are widened along their own surface instead, so
 //! that texture finer than the lens points does not turn into noise.
 
+use super::colors::Colors;
 use super::sheets::Sheet;
 use super::surfaces::CONNECTED_PX;
 use crate::picture::Size;
 use rayon::prelude::*;
-use std::borrow::Cow;
+use std::sync::Arc;
 
 /// Standard deviation of a cell's footprint as a fraction of the distance between the places it is drawn at.
 const FOOTPRINT: f32 = 0.35;
@@ -68,10 +69,11 @@ impl Footprint {
         -0.5 * self.variance(t).min(NEXT_CELLS)
     }
 
-    /// Widens the colours of a sheet where lens points are sparser than [`Footprint::sharpening`] can make up for.
-    pub fn widen(&self, sheet: &Sheet, color: &mut Cow<[f32]>, size: Size, s_focus: f64) {
+    /// The colours of a sheet, widened where lens points are sparser than [`Footprint::sharpening`] can make up
+    /// for; `None` if that is nowhere.
+    pub fn widened(&self, sheet: &Sheet, colors: &Colors, size: Size, s_focus: f64) -> Option<Colors> {
         if self.table.iter().all(|v| *v <= NEXT_CELLS) {
-            return;
+            return None;
         }
         let n = size.pixels();
         let shift = |s: f32| (f64::from(s) - s_focus) as f32;
@@ -83,13 +85,13 @@ impl Footprint {
         let most = wanted.par_iter().copied().reduce(|| 0.0, f32::max);
 
         let mut done = 0.0f32;
+        let mut color = colors.to_planes();
         for reach in REACHES {
             if most <= done {
                 break;
             }
             // Weights w of neighbours at distance h add the variance 2 w h^2.
             let per_weight = 2.0 * (reach * reach) as f32;
-            let color = color.to_mut();
             let source = color.clone();
             let pass = Pass { s: &sheet.s, wanted: &wanted, done, per_weight, reach, size };
             color.par_chunks_mut(size.width).enumerate().for_each_init(
@@ -101,6 +103,7 @@ impl Footprint {
             );
             done += MAX_WEIGHT * per_weight;
         }
+        Some(Colors::new(size, Arc::new(color)))
     }
 }
 

@@ -81,36 +81,57 @@ fn broken_links(s: &[f32], width: usize, height: usize, y: usize) -> Vec<(usize,
     broken
 }
 
-/// Chessboard distance in pixels to the nearest edge pixel, up to 255.
+/// The largest distance told apart by [`distance_to_edges`].
+const FAR_PX: u8 = 16;
+/// Rows whose distances are found together.
+const BAND: usize = 64;
+
+/// Chessboard distance in pixels to the nearest edge pixel, up to [`FAR_PX`].
 pub fn distance_to_edges(links: &[u8], width: usize) -> Vec<u8> {
-    let mut distance: Vec<u8> = links.iter().map(|l| if l & EDGE != 0 { 0 } else { u8::MAX }).collect();
     let rows = links.len() / width;
-    // Two sweeps, each carrying distances on from the row before and along the row.
-    let mut carry = |y: usize, from: Option<usize>, forward: bool| {
-        let mut row = vec![u8::MAX; width];
-        row.copy_from_slice(&distance[y * width..][..width]);
-        if let Some(from) = from {
-            let other = &distance[from * width..][..width];
-            for x in 0..width {
-                let near = other[x.saturating_sub(1)].min(other[x]).min(other[(x + 1).min(width - 1)]);
-                row[x] = row[x].min(near.saturating_add(1));
-            }
+    let mut distance = vec![FAR_PX; links.len()];
+    distance.par_chunks_mut(width * BAND).enumerate().for_each(|(band, out)| {
+        // Edges of the neighbouring bands count as far as distances are told apart.
+        let first = (band * BAND).saturating_sub(usize::from(FAR_PX));
+        let end = ((band + 1) * BAND + usize::from(FAR_PX)).min(rows);
+        let near = &links[first * width..end * width];
+        if near.iter().fold(0, |all, l| all | l) & EDGE == 0 {
+            return;
         }
-        let mut last = u8::MAX;
-        for i in 0..width {
-            let x = if forward { i } else { width - 1 - i };
-            last = row[x].min(last.saturating_add(1));
-            row[x] = last;
+        let mut d: Vec<u8> = near.iter().map(|l| if l & EDGE != 0 { 0 } else { FAR_PX }).collect();
+        // Two sweeps, each carrying distances on from the row before and along the row.
+        for y in 0..end - first {
+            let (before, row) = d.split_at_mut(y * width);
+            carry_over(before.rchunks(width).next(), &mut row[..width]);
+            let mut last = FAR_PX;
+            row[..width].iter_mut().for_each(|d| carry_on(&mut last, d));
         }
-        distance[y * width..][..width].copy_from_slice(&row);
-    };
-    for y in 0..rows {
-        carry(y, y.checked_sub(1), true);
-    }
-    for y in (0..rows).rev() {
-        carry(y, (y + 1 < rows).then_some(y + 1), false);
-    }
+        for y in (0..end - first).rev() {
+            let (row, after) = d[y * width..].split_at_mut(width);
+            carry_over(after.chunks(width).next(), row);
+            let mut last = FAR_PX;
+            row.iter_mut().rev().for_each(|d| carry_on(&mut last, d));
+        }
+        let own = (band * BAND - first) * width;
+        out.copy_from_slice(&d[own..own + out.len()]);
+    });
     distance
+}
+
+/// Distances as the row beside knows them.
+fn carry_over(beside: Option<&[u8]>, row: &mut [u8]) {
+    let Some(beside) = beside else { return };
+    let last = row.len() - 1;
+    for x in 0..row.len() {
+        let near = beside[x.saturating_sub(1)].min(beside[x]).min(beside[(x + 1).min(last)]);
+        row[x] = row[x].min(near + 1);
+    }
+}
+
+/// A distance as the pixel before knows it.
+fn carry_on(last: &mut u8, d: &mut u8) {
+    *d = (*d).min(*last + 1);
+    *last = *d;
 }
 
 #[cfg(test)]
