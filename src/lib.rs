@@ -9,6 +9,7 @@ pub mod error;
 pub mod files;
 pub mod optics;
 pub mod picture;
+pub mod plan;
 mod python;
 pub mod render;
 pub mod views;

@@ -1,7 +1,7 @@
 //! Running the core off the interpreter lock: worker threads, interruption, panics.
 
 use crate::cancel::Cancel;
-use crate::cpu::lens::Simd;
+use crate::cpu::simd::Simd;
 use crate::error::Result;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;

@@ -1,9 +1,10 @@
 //! Tiles that see one closed surface of nearly constant depth: the exact, area-weighted opening by running sums.
 
 use super::kernels::{self, Kernels};
-use super::pack::{TILE, mirrored};
+use super::pack::TILE;
 use super::sweep::TileColor;
 use crate::aperture::{Aperture, Kernel};
+use crate::cpu::border::mirrored;
 use crate::picture::Size;
 use std::collections::BTreeSet;
 

@@ -17,10 +17,10 @@ mod tiles;
 mod unmix;
 
 pub use sheets::Sheets;
-pub use sweep::Simd;
 
 use crate::aperture::Aperture;
 use crate::cancel::Cancel;
+use crate::cpu::simd::Simd;
 use crate::error::{Result, value_error};
 use crate::optics::Optics;
 use crate::picture::Picture;
@@ -45,8 +45,6 @@ pub struct Settings {
     pub aperture: Aperture,
     /// Number of views everywhere, or chosen for each tile.
     pub views: Option<usize>,
-    /// Instruction set.
-    pub simd: Simd,
 }
 
 /// Refuses lenses whose circles of confusion are beyond reason.
@@ -76,6 +74,7 @@ pub fn render(
     optics: &Optics,
     settings: &Settings,
     supersample: usize,
+    simd: Simd,
     cancel: &Cancel,
 ) -> Result<Vec<f32>> {
     let size = picture.size;
@@ -136,7 +135,7 @@ pub fn render(
                 Work::Disc => gather.tile(tile.origin, color),
                 Work::Sweep { views, occupied } => {
                     segments.trace(&packed, s_focus, &view_sets[views], occupied);
-                    sweep::sweep(settings.simd, &packed, segments, tile.origin, missed, color);
+                    sweep::sweep(simd, &packed, segments, tile.origin, missed, color);
                 }
             }
             highlights.draw(i, tile.origin, &packed, s_focus, &kernels, color);

@@ -4,6 +4,7 @@
 use super::footprint::{self, Footprint};
 use super::sheets::{Sheet, Sheets};
 use super::surfaces::{CONNECTED_PX, DOWN, EDGE, RIGHT};
+use crate::cpu::border::mirrored;
 use rayon::prelude::*;
 use std::borrow::Cow;
 
@@ -56,12 +57,6 @@ impl Padding {
     fn row(&self, py: usize) -> (usize, bool) {
         mirrored(py as i64 - self.pad as i64, self.height)
     }
-}
-
-/// Half-sample symmetric extension, however far out: `.. 1 0 | 0 1 2 .. n-1 | n-1 n-2 ..`.
-pub fn mirrored(i: i64, n: usize) -> (usize, bool) {
-    let i = i.rem_euclid(2 * n as i64) as usize;
-    if i < n { (i, false) } else { (2 * n - 1 - i, true) }
 }
 
 /// Shifts as 16-bit codes: `s = s_min + (code - 1) * step`. Code 0 is never a depth.
@@ -429,13 +424,6 @@ impl Packed {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn mirrors_repeat_the_edge_pixel() {
-        let at = |i| mirrored(i, 3).0;
-        assert_eq!((-7..10).map(at).collect::<Vec<_>>(), [0, 0, 1, 2, 2, 1, 0, 0, 1, 2, 2, 1, 0, 0, 1, 2, 2]);
-        assert_eq!((-2..2).map(|i| mirrored(i, 1).0).collect::<Vec<_>>(), [0; 4]);
-    }
 
     #[test]
     fn codes_keep_depth_to_a_thousandth_of_a_pixel() {

@@ -6,6 +6,7 @@
 
 use super::pack::{Codes, Packed, TILE};
 use super::simd::{HalfPlaneRow, LANES, Lanes, Portable, Ray};
+use crate::cpu::simd::Simd;
 use crate::views::View;
 
 /// Rows of a tile swept together.
@@ -308,35 +309,7 @@ macro_rules! by_channels {
     };
 }
 
-/// An instruction set to sweep with.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Simd {
-    /// What the compiler makes of plain code.
-    Portable,
-    /// 256-bit vectors.
-    #[cfg(target_arch = "x86_64")]
-    Avx2,
-    /// 512-bit vectors with masks.
-    #[cfg(target_arch = "x86_64")]
-    Avx512,
-}
-
 impl Simd {
-    /// All that this processor can run, best last.
-    pub fn available() -> Vec<Simd> {
-        let mut all = vec![Simd::Portable];
-        #[cfg(target_arch = "x86_64")]
-        {
-            if is_x86_feature_detected!("avx2") {
-                all.push(Simd::Avx2);
-            }
-            if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512bw") {
-                all.push(Simd::Avx512);
-            }
-        }
-        all
-    }
-
     fn sweep(self, channels: usize) -> SweepFn {
         let faces: [SweepFn; 4] = match self {
             Simd::Portable => by_channels!(portable),
