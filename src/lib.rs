@@ -10,6 +10,7 @@ pub mod files;
 mod memory;
 pub mod optics;
 pub mod picture;
+pub mod plan;
 mod python;
 pub mod render;
 pub mod views;

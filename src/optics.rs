@@ -88,6 +88,12 @@ impl Optics {
     pub fn shift_px(&self, d: f64) -> f64 {
         self.k * (d - self.d_focus)
     }
+
+    /// Signed distance in metres from the focus plane at disparity `d`, positive behind it; of a metric scene only.
+    pub fn beyond_focus_m(&self, d: f64) -> f64 {
+        // Both may be infinitely far away.
+        if d == self.d_focus { 0.0 } else { 1.0 / d - 1.0 / self.d_focus }
+    }
 }
 
 fn positive(name: &str, value: f64, what: &str) -> Result<f64> {
@@ -209,6 +215,16 @@ mod tests {
             let shift = optics.shift_px(1.0 / z);
             assert!((shift - radius_px).abs() < 1e-9, "z = {z}: {shift} against {radius_px}");
         }
+    }
+
+    #[test]
+    fn distances_from_the_focus_are_signed_and_may_be_infinite() {
+        let at = |focus: f64| Optics { k: 1.0, d_focus: 1.0 / focus };
+        assert_eq!(at(2.0).beyond_focus_m(0.25), 2.0);
+        assert_eq!(at(2.0).beyond_focus_m(1.0), -1.0);
+        assert_eq!(at(2.0).beyond_focus_m(0.0), f64::INFINITY);
+        assert_eq!(at(f64::INFINITY).beyond_focus_m(0.0), 0.0);
+        assert_eq!(at(f64::INFINITY).beyond_focus_m(1.0), f64::NEG_INFINITY);
     }
 
     #[test]

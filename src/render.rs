@@ -1,12 +1,49 @@
 //! A render from end to end: a picture, what is prepared from it, and what comes out.
 
 use crate::cancel::Cancel;
-use crate::cpu;
-use crate::cpu::lens::{Settings, Sheets};
-use crate::error::Result;
-use crate::optics::Optics;
+use crate::cpu::lens::Sheets;
+use crate::cpu::simd::Simd;
+use crate::error::{Result, value_error};
+use crate::optics::{Lens, Optics};
 use crate::picture::Picture;
+use crate::{cpu, plan};
 use std::sync::{Arc, Mutex};
+
+/// How to compute: each method with its own settings.
+#[derive(Debug, Clone)]
+pub enum Method {
+    /// The integral over the lens, with visibility for every lens point.
+    Lens(cpu::lens::Settings),
+    /// A few look-ups at fixed places.
+    Taps(plan::taps::Settings),
+}
+
+impl Method {
+    /// The name users give it, and the option in metres that it uses, if any.
+    fn describe(&self) -> (&'static str, Option<&'static str>) {
+        match self {
+            Method::Lens(_) => ("lens", None),
+            Method::Taps(settings) => ("taps", settings.metric_option()),
+        }
+    }
+
+    /// Refuses pictures and lenses that the method cannot work with.
+    pub fn check(&self, lens: &Lens, layers: usize) -> Result<()> {
+        let (name, metric_option) = self.describe();
+        if layers > 1 && !matches!(self, Method::Lens(_)) {
+            return Err(value_error!(
+                "method={name:?} takes color and depth of one layer; got {layers} layers, which are for \
+                 method=\"lens\""
+            ));
+        }
+        if let (Some(option), Lens::Relative { .. }) = (metric_option, lens) {
+            return Err(value_error!(
+                "{option} is in metres, but the lens was made by Lens.from_disparity, which knows of none"
+            ));
+        }
+        Ok(())
+    }
+}
 
 /// A picture on its device, with what has been prepared from it.
 pub struct Scene {
@@ -27,7 +64,7 @@ impl Scene {
     ///
     /// The lock is never held over parallel work: a worker that waits inside it may be handed another render of
     /// the same scene, and would wait for itself.
-    fn sheets(&self, optics: &Optics, settings: &Settings, cancel: &Cancel) -> Result<Arc<Sheets>> {
+    fn sheets(&self, optics: &Optics, simd: Simd, cancel: &Cancel) -> Result<Arc<Sheets>> {
         // A poisoned lock only means that another render was interrupted; what it holds is whole or absent.
         let cached = || self.sheets.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         let at_hand = cached().as_ref().filter(|(k, _)| *k == optics.k).map(|(_, sheets)| Arc::clone(sheets));
@@ -35,18 +72,25 @@ impl Scene {
             cpu::lens::check_radius(&self.picture, optics)?;
             return Ok(sheets);
         }
-        let sheets = Arc::new(cpu::lens::prepare(&self.picture, optics, settings.simd, cancel)?);
+        let sheets = Arc::new(cpu::lens::prepare(&self.picture, optics, simd, cancel)?);
         *cached() = Some((optics.k, Arc::clone(&sheets)));
         Ok(sheets)
     }
 
-    /// The scene through a lens, interleaved, premultiplied where it has coverage.
-    pub fn render(&self, optics: &Optics, settings: &Settings, cancel: &Cancel) -> Result<Vec<f32>> {
-        let sheets = self.sheets(optics, settings, cancel)?;
-        let full = cpu::lens::render(&self.picture, &sheets, optics, settings, self.supersample, cancel)?;
+    /// The scene through a lens, interleaved, premultiplied where it has coverage. The method has been
+    /// [checked](Method::check).
+    pub fn render(&self, optics: &Optics, method: &Method, simd: Simd, cancel: &Cancel) -> Result<Vec<f32>> {
+        let (picture, size, front) = (&self.picture, self.picture.size, &self.picture.layers[0]);
+        let full = match method {
+            Method::Lens(settings) => {
+                let sheets = self.sheets(optics, simd, cancel)?;
+                cpu::lens::render(picture, &sheets, optics, settings, self.supersample, simd, cancel)
+            }
+            Method::Taps(settings) => cpu::taps::render(front, size, optics, settings, simd, cancel),
+        }?;
         Ok(match self.supersample {
             1 => full,
-            n => cpu::resolve::box_average(&full, self.picture.size, n),
+            n => cpu::resolve::box_average(&full, size, n),
         })
     }
 }

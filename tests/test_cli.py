@@ -120,7 +120,7 @@ def test_render_passes_every_option_on(scene, monkeypatch):
     extra = {
         "--method": "lens", "--device": "cpu", "--blades": "6", "--rotation": "15", "--near": "0.5",
         "--far": "20", "--depth-kind": "distance", "--invalid": "far", "--overscan": "2",
-        "--supersample": "4", "--threads": "3", "--depth-scale": "2",
+        "--supersample": "4", "--threads": "3", "--depth-scale": "2", "--set": "views=128",
     }  # fmt: skip
     flags = [word for pair in extra.items() for word in pair]
     assert run(["render", "a.exr", "-o", "o.exr", *LENS_OPTIONS, "--fov-axis", "y", *flags]) == 0
@@ -131,8 +131,18 @@ def test_render_passes_every_option_on(scene, monkeypatch):
     assert options == {
         "method": "lens", "device": "cpu", "aperture": dofsim.Aperture(blades=6, rotation=15.0),
         "depth_kind": "distance", "near": 0.5, "far": 20.0, "invalid": "far", "alpha": "none",
-        "overscan": 2, "supersample": 4, "threads": 3,
+        "transfer": "linear", "overscan": 2, "supersample": 4, "threads": 3, "views": 128,
     }  # fmt: skip
+
+
+def test_options_of_a_method_are_toml_or_words(scene):
+    color, depth = scene
+    flags = ["--method", "taps", "--set", "variant=four", "--set", "hyperfocal_factor=0.5"]
+    assert run(["render", "a.exr", "-o", "o.exr", *LENS_OPTIONS, *flags]) == 0
+    expected = dofsim.render(
+        color, depth, dofsim.Lens(**LENS), method="taps", variant="four", hyperfocal_factor=0.5
+    )
+    np.testing.assert_array_equal(io.read_color("o.exr").pixels, expected)
 
 
 def test_an_input_under_another_name_is_not_overwritten(scene, tmp_path, capsys):
@@ -194,6 +204,16 @@ def test_ambiguous_files_list_their_channels(scene, capsys):
         (["a.exr", "-o", "o.exr", "--depth-kind", "meters"], 2, "depth_kind must be one of"),
         (["a.exr", "-o", "o.exr", "--blades", "2"], 2, "blades"),
         (["a.exr", "-o", "o.exr", "--supersample", "7"], 2, "supersample"),
+        (["a.exr", "-o", "o.exr", "--method", "fast"], 2, 'method must be one of "lens"'),
+        (["a.exr", "-o", "o.exr", "--set", "variant=six"], 2, "variant is not an option of method"),
+        (["a.exr", "-o", "o.exr", "--method", "taps", "--set", "variant=ten"], 2, "variant must be one of"),
+        (["a.exr", "-o", "o.exr", "--set", "views"], 2, "--set takes NAME=VALUE; got 'views'"),
+        (["a.exr", "-o", "o.exr", "--set", "views=64", "--set", "views=32"], 2, "views is given twice"),
+        (
+            ["a.exr", "-o", "o.exr", "--set", "overscan=1"],
+            2,
+            "multiple values for keyword argument 'overscan'",
+        ),
         (["a.exr", "-o", "o.exr", "--focus-at", "3"], 2, "--focus-at takes a column and a row"),
         (["a.exr", "-o", "o.exr", "--focus-at", "64,0"], 2, "--focus-at: x must lie within 64"),
     ],

@@ -33,12 +33,16 @@ def bracket(color: NDArray[np.float32], depth: NDArray[np.float64]) -> NDArray[n
     assert_type(coc(depth, lens), NDArray[np.float32])
     assert_type(render(color.astype(np.float16), depth, lens), NDArray[np.float16])
     render((255 * color).astype(np.uint8), depth, lens, transfer="srgb")
-    render(color, depth, lens, depth_kind="metres")  # type: ignore[arg-type]
-    render(color, depth, lens, method="fast")  # type: ignore[arg-type]
+    render(color, depth, lens, depth_kind="metres")  # type: ignore[call-overload]
+    render(color, depth, lens, method="fast")  # type: ignore[call-overload]
+    render(color, depth, lens, method="taps", variant="six", hyperfocal_factor=0.3)
+    render(color, depth, lens, method="taps", variant="eleven")  # type: ignore[call-overload]
+    render(color, depth, lens, method="taps", views=128)  # type: ignore[call-overload]
 
     scene = Scene(color, depth, device="cpu", supersample=2)
     assert_type(scene.render(lens, aperture=hexagon), NDArray[Any])
     scene.focal_stack(lens, [1.0, 2.0], views=128)
+    scene.focal_stack(lens, [1.0, 2.0], method="taps", views=128)  # type: ignore[call-overload]
     try:
         picture = render(color, depth, lens, device="gpu")
     except DeviceError:

@@ -1,6 +1,6 @@
 from collections.abc import Sequence
 from os import PathLike
-from typing import Any, Literal, TypeAlias, TypedDict, TypeVar, final, type_check_only
+from typing import Any, Literal, TypeAlias, TypedDict, TypeVar, final, overload, type_check_only
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,9 +36,19 @@ _DepthKind: TypeAlias = Literal["z", "distance", "inverse_z", "disparity", "zbuf
 _Device: TypeAlias = Literal["auto", "cpu", "gpu"]
 _FovAxis: TypeAlias = Literal["x", "y", "diagonal", "smaller", "larger"]
 _Invalid: TypeAlias = Literal["raise", "far"]
-_Method: TypeAlias = Literal["lens"]
 _Path: TypeAlias = str | PathLike[str]
 _Transfer: TypeAlias = Literal["linear", "srgb"]
+
+# The options of each method; None stands for one that is not given.
+
+@type_check_only
+class _LensOptions(TypedDict, total=False):
+    views: int | None
+
+@type_check_only
+class _TapsOptions(TypedDict, total=False):
+    variant: Literal["thirteen", "seven", "six", "four", "four_rings"] | None
+    hyperfocal_factor: float | None
 
 __version__: str
 
@@ -130,26 +140,51 @@ class Scene:
         overscan: int = 0,
         supersample: int = 1,
     ) -> Scene: ...
+    @overload
     def render(
         self,
         /,
         lens: Lens,
         *,
-        method: _Method = "lens",
+        method: Literal["lens"] = "lens",
         aperture: Aperture | None = None,
         threads: int | None = None,
-        views: int | None = None,
+        **options: Unpack[_LensOptions],
     ) -> NDArray[Any]: ...
+    @overload
+    def render(
+        self,
+        /,
+        lens: Lens,
+        *,
+        method: Literal["taps"],
+        aperture: Aperture | None = None,
+        threads: int | None = None,
+        **options: Unpack[_TapsOptions],
+    ) -> NDArray[Any]: ...
+    @overload
     def focal_stack(
         self,
         /,
         lens: Lens,
         distances: Sequence[float] | NDArray[np.floating[Any]],
         *,
-        method: _Method = "lens",
+        method: Literal["lens"] = "lens",
         aperture: Aperture | None = None,
         threads: int | None = None,
-        views: int | None = None,
+        **options: Unpack[_LensOptions],
+    ) -> NDArray[Any]: ...
+    @overload
+    def focal_stack(
+        self,
+        /,
+        lens: Lens,
+        distances: Sequence[float] | NDArray[np.floating[Any]],
+        *,
+        method: Literal["taps"],
+        aperture: Aperture | None = None,
+        threads: int | None = None,
+        **options: Unpack[_TapsOptions],
     ) -> NDArray[Any]: ...
 
 @final
@@ -172,12 +207,13 @@ def coc(
     far: float | None = None,
     invalid: _Invalid = "raise",
 ) -> NDArray[np.float32]: ...
+@overload
 def render(
     color: NDArray[_Sample],
     depth: NDArray[np.floating[Any]],
     lens: Lens,
     *,
-    method: _Method = "lens",
+    method: Literal["lens"] = "lens",
     device: _Device = "auto",
     aperture: Aperture | None = None,
     depth_kind: _DepthKind = "z",
@@ -189,7 +225,27 @@ def render(
     overscan: int = 0,
     supersample: int = 1,
     threads: int | None = None,
-    views: int | None = None,
+    **options: Unpack[_LensOptions],
+) -> NDArray[_Sample]: ...
+@overload
+def render(
+    color: NDArray[_Sample],
+    depth: NDArray[np.floating[Any]],
+    lens: Lens,
+    *,
+    method: Literal["taps"],
+    device: _Device = "auto",
+    aperture: Aperture | None = None,
+    depth_kind: _DepthKind = "z",
+    near: float | None = None,
+    far: float | None = None,
+    invalid: _Invalid = "raise",
+    alpha: _Alpha | None = None,
+    transfer: _Transfer | None = None,
+    overscan: int = 0,
+    supersample: int = 1,
+    threads: int | None = None,
+    **options: Unpack[_TapsOptions],
 ) -> NDArray[_Sample]: ...
 def simd_available() -> list[Literal["portable", "avx2", "avx512"]]: ...
 

@@ -87,6 +87,15 @@ Transfer = Annotated[
     str | None, typer.Option(help="What an integer picture holds: srgb (default) or linear.")
 ]
 
+MethodOptions = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="NAME=VALUE",
+        help="An option of the method; may be repeated. The value is TOML or a word.",
+    ),
+]
+
 _THIN = ("aperture_radius", "focus_distance", "fov", "fov_axis")
 _CAMERA = ("focal_length_mm", "f_number", "focus_distance", "sensor_width_mm")
 _RELATIVE = ("strength_px", "focus")
@@ -130,6 +139,44 @@ def read_settings(
     given = {word: value for word, value in lens.items() if value is not None}
     opened = {word: value for word, value in aperture.items() if value is not None}
     return words | given, opening | opened
+
+
+def read_method_options(settings: list[str]) -> dict[str, Any]:
+    """Read the options of a method.
+
+    Parameters
+    ----------
+    settings : list of str
+        Each ``"NAME=VALUE"``. What is not a TOML value is taken for a word.
+
+    Returns
+    -------
+    dict
+        The values by name.
+
+    Raises
+    ------
+    ValueError
+        If a setting has no name, or a name is given twice.
+
+    Examples
+    --------
+    >>> from dofsim._options import read_method_options
+    >>> read_method_options(["variant=seven", "hyperfocal_factor=0.5"])
+    {'variant': 'seven', 'hyperfocal_factor': 0.5}
+    """
+    values: dict[str, Any] = {}
+    for setting in settings:
+        name, equals, text = setting.partition("=")
+        if not (equals and name.isidentifier()):
+            raise ValueError(f"--set takes NAME=VALUE; got {setting!r}")
+        if name in values:
+            raise ValueError(f"--set {name} is given twice")
+        try:
+            values[name] = tomllib.loads(f"value = {text}")["value"]
+        except tomllib.TOMLDecodeError:
+            values[name] = text
+    return values
 
 
 def make_lens(words: Mapping[str, Any]) -> dofsim.Lens:

@@ -132,6 +132,7 @@ def render_command(
         typer.Option(help="What a second or fourth channel is: straight, premultiplied or none."),
     ] = None,
     method: Annotated[str, typer.Option(help="How to compute.")] = "lens",
+    method_options: options.MethodOptions = None,
     device: Annotated[str, typer.Option(help="Where to compute: auto, cpu or gpu.")] = "auto",
     overscan: Annotated[
         int, typer.Option(help="Margin of the picture beyond the output, in output pixels.")
@@ -189,9 +190,11 @@ def render_command(
         far=far,
         invalid=invalid,
         alpha="premultiplied" if has_alpha else "none",
+        transfer="linear",
         overscan=overscan,
         supersample=supersample,
         threads=threads,
+        **options.read_method_options(method_options or []),
     )
     seconds = time.perf_counter() - start
 

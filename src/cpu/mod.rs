@@ -1,5 +1,8 @@
-//! The CPU path.
+//! The CPU path: what carries the plans out.
 
+pub mod border;
 pub mod lens;
 pub mod resolve;
+pub mod rows;
 pub mod simd;
+pub mod taps;

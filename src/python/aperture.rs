@@ -2,6 +2,7 @@
 
 use crate::aperture::Aperture;
 use pyo3::prelude::*;
+use std::fmt;
 
 /// The shape of the opening that light passes.
 ///
@@ -46,16 +47,8 @@ pub struct PyAperture {
     pub core: Aperture,
 }
 
-#[pymethods]
-impl PyAperture {
-    #[new]
-    #[pyo3(signature = (*, blades=0, rotation=0.0, apodization=None))]
-    fn new(blades: u32, rotation: f64, apodization: Option<f64>) -> PyResult<PyAperture> {
-        let core = Aperture::new(blades, rotation, apodization)?;
-        Ok(PyAperture { blades, rotation, apodization, core })
-    }
-
-    fn __repr__(&self) -> String {
+impl fmt::Display for PyAperture {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut words = Vec::new();
         if self.blades != 0 {
             words.push(format!("blades={}", self.blades));
@@ -66,11 +59,25 @@ impl PyAperture {
         if let Some(sigma) = self.apodization {
             words.push(format!("apodization={sigma:?}"));
         }
-        format!("Aperture({})", words.join(", "))
+        write!(f, "Aperture({})", words.join(", "))
+    }
+}
+
+#[pymethods]
+impl PyAperture {
+    #[new]
+    #[pyo3(signature = (*, blades=0, rotation=0.0, apodization=None))]
+    fn new(blades: u32, rotation: f64, apodization: Option<f64>) -> PyResult<PyAperture> {
+        let core = Aperture::new(blades, rotation, apodization)?;
+        Ok(PyAperture { blades, rotation, apodization, core })
+    }
+
+    fn __repr__(&self) -> String {
+        self.to_string()
     }
 
     fn __hash__(&self) -> u64 {
-        super::lens::hash_words(&self.__repr__())
+        super::lens::hash_words(&self.to_string())
     }
 
     fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<((), Bound<'py, pyo3::types::PyDict>)> {

@@ -451,6 +451,11 @@ impl Input {
         Ok(Input { size: shape.size, format, color, depth: planes.planes })
     }
 
+    /// The number of layers.
+    pub fn layers(&self) -> usize {
+        self.color.len()
+    }
+
     /// The picture in disparity. Kinds of depth along the ray need `focal_px`; see [`Lens::focal_px`].
     pub fn picture(&self, kind: DepthKind, focal_px: Option<f64>, invalid: Invalid) -> PyResult<Picture> {
         let size = self.size;

@@ -5,6 +5,7 @@ mod arrays;
 mod errors;
 mod files;
 mod lens;
+mod methods;
 mod render;
 mod run;
 

@@ -6,16 +6,16 @@ use super::arrays::{
 };
 use super::errors::{DeviceError, choice};
 use super::lens::PyLens;
+use super::methods::read_method;
 use super::run::{detached, installed, simd};
-use crate::aperture::Aperture;
-use crate::cpu::lens::Settings;
 use crate::depth::{DepthKind, Invalid, disparity_plane};
 use crate::optics::{Lens, Optics};
 use crate::picture::Size;
-use crate::render::Scene;
+use crate::render::{Method, Scene};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// How the picture relates to the output.
@@ -81,9 +81,6 @@ impl Frame {
     }
 }
 
-/// The methods there are.
-const METHODS: [(&str, ()); 1] = [("lens", ())];
-
 /// Where to compute.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Device {
@@ -101,15 +98,6 @@ fn check_device(name: &str) -> PyResult<()> {
     }
 }
 
-fn read_settings(aperture: Option<&PyAperture>, views: Option<usize>) -> PyResult<Settings> {
-    if let Some(n) = views
-        && !(16..=16_384).contains(&n)
-    {
-        return Err(PyValueError::new_err(format!("views must be from 16 to 16384; got {n}")));
-    }
-    Ok(Settings { aperture: aperture.map_or(Aperture::DISC, |a| a.core), views, simd: simd()? })
-}
-
 /// The picture that a real lens would have taken.
 ///
 /// Parameters
@@ -122,12 +110,12 @@ fn read_settings(aperture: Option<&PyAperture>, views: Option<usize>) -> PyResul
 ///     `depth_kind` says otherwise. Infinity is background.
 /// lens : Lens
 ///     The lens.
-/// method : {"lens"}, optional
-///     ``"lens"`` integrates over the lens with visibility for every lens point.
+/// method : {"lens", "taps"}, optional
+///     How to compute; see the notes. All but ``"lens"`` take one layer and are for speed or for their own looks.
 /// device : {"auto", "cpu", "gpu"}, optional
 ///     Where to compute.
 /// aperture : Aperture, optional
-///     Shape of the opening; a disc if not given.
+///     Shape of the opening; a disc if not given. Methods that cannot draw another shape refuse it.
 /// depth_kind : str, optional
 ///     ``"z"`` (planar, metres, default), ``"distance"`` (from the pinhole along the ray, metres),
 ///     ``"inverse_z"`` (1/m), ``"disparity"`` (relative; needs `Lens.from_disparity`), ``"zbuffer"`` (0 to 1
@@ -148,9 +136,8 @@ fn read_settings(aperture: Option<&PyAperture>, views: Option<usize>) -> PyResul
 ///     The picture is this many times larger than the output along each axis, sampled at its pixels' centres.
 /// threads : int, optional
 ///     Worker threads; one per processor by default. The result does not depend on it.
-/// views : int, optional
-///     Lens points used wherever visibility matters, 16 to 16384. By default 64 to 512, chosen for each tile from
-///     the largest circle of confusion that reaches it.
+/// **options
+///     Options of the method; see the notes.
 ///
 /// Returns
 /// -------
@@ -166,7 +153,21 @@ fn read_settings(aperture: Option<&PyAperture>, views: Option<usize>) -> PyResul
 ///
 /// Notes
 /// -----
-/// What lies beyond the border of the picture is taken for its mirror image.
+/// What lies beyond the border of the picture is taken for its mirror image. The methods and their options:
+///
+/// ``"lens"`` integrates over the lens with visibility for every lens point.
+///
+/// - ``views``, int: lens points used wherever visibility matters, 16 to 16384. By default 64 to 512, chosen for
+///   each tile from the largest circle of confusion that reaches it.
+///
+/// ``"taps"`` makes a few look-ups at fixed places up to two pixels away, each mixed with the centre by the product
+/// of both blur factors; after the "DepthOfField Sample" of Microsoft's DirectX SDK. A blur factor is a square, at
+/// most 0.75.
+///
+/// - ``variant``, "thirteen" (default), "seven", "six", "four" or "four_rings": the number of look-ups, the centre
+///   among them. ``"four_rings"`` mixes by the centre's factor alone, which draws a ring around what is sharp.
+/// - ``hyperfocal_factor``, float: what the blur factor is the square of, per metre of distance from the focus
+///   plane. By default it is the radius of the circle of confusion over the distance of the farthest look-up.
 ///
 /// Examples
 /// --------
@@ -179,7 +180,7 @@ fn read_settings(aperture: Option<&PyAperture>, views: Option<usize>) -> PyResul
 /// (48, 64, 3)
 #[pyfunction]
 #[pyo3(signature = (color, depth, lens, *, method="lens", device="auto", aperture=None, depth_kind="z", near=None,
-    far=None, invalid="raise", alpha=None, transfer=None, overscan=0, supersample=1, threads=None, views=None))]
+    far=None, invalid="raise", alpha=None, transfer=None, overscan=0, supersample=1, threads=None, **options))]
 #[expect(clippy::too_many_arguments, reason = "the public function's own, keyword-only in Python")]
 pub fn render<'py>(
     py: Python<'py>,
@@ -198,8 +199,9 @@ pub fn render<'py>(
     overscan: usize,
     supersample: usize,
     threads: Option<usize>,
-    views: Option<usize>,
+    options: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyAny>> {
+    let method = read_method(method, aperture, options)?;
     let scene = PyScene::new(
         color,
         depth,
@@ -213,7 +215,7 @@ pub fn render<'py>(
         overscan,
         supersample,
     )?;
-    scene.render(py, lens, method, aperture, threads, views)
+    scene.rendered(py, &lens.core, &method, threads)
 }
 
 /// Signed radius of the circle of confusion in pixels.
@@ -328,17 +330,22 @@ impl PyScene {
         &self.input.format
     }
 
-    fn pixels(
+    fn rendered<'py>(
         &self,
-        py: Python<'_>,
+        py: Python<'py>,
         lens: &Lens,
-        settings: &Settings,
+        method: &Method,
         threads: Option<usize>,
-    ) -> PyResult<Vec<f32>> {
+    ) -> PyResult<Bound<'py, PyAny>> {
+        method.check(lens, self.input.layers())?;
         let scene = self.scene(lens)?;
+        let simd = simd()?;
         let optics = self.frame.optics(self.input.size, lens);
         let (frame, size) = (self.frame, self.input.size);
-        detached(py, threads, move |cancel| Ok(frame.crop(scene.render(&optics, settings, cancel)?, size)))
+        let pixels = detached(py, threads, move |cancel| {
+            Ok(frame.crop(scene.render(&optics, method, simd, cancel)?, size))
+        })?;
+        write_color(py, pixels, frame.output(size), self.format())
     }
 }
 
@@ -376,7 +383,7 @@ impl PyScene {
     /// ----------
     /// lens : Lens
     ///     The lens.
-    /// method, aperture, threads, views
+    /// method, aperture, threads, **options
     ///     As in the function `render`.
     ///
     /// Returns
@@ -388,7 +395,7 @@ impl PyScene {
     /// ------
     /// ValueError, TypeError
     ///     If an argument cannot be used.
-    #[pyo3(signature = (lens, *, method="lens", aperture=None, threads=None, views=None))]
+    #[pyo3(signature = (lens, *, method="lens", aperture=None, threads=None, **options))]
     fn render<'py>(
         &self,
         py: Python<'py>,
@@ -396,12 +403,10 @@ impl PyScene {
         method: &str,
         aperture: Option<&PyAperture>,
         threads: Option<usize>,
-        views: Option<usize>,
+        options: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        choice("method", method, &METHODS)?;
-        let settings = read_settings(aperture, views)?;
-        let pixels = self.pixels(py, &lens.core, &settings, threads)?;
-        write_color(py, pixels, self.frame.output(self.input.size), self.format())
+        let method = read_method(method, aperture, options)?;
+        self.rendered(py, &lens.core, &method, threads)
     }
 
     /// The scene through one lens focused at many distances.
@@ -414,7 +419,7 @@ impl PyScene {
     ///     The lens; its own focus does not matter.
     /// distances : sequence of float
     ///     Distances in focus in metres (disparities for a lens made by `Lens.from_disparity`).
-    /// method, aperture, threads, views
+    /// method, aperture, threads, **options
     ///     As in the function `render`.
     ///
     /// Returns
@@ -426,7 +431,7 @@ impl PyScene {
     /// ------
     /// ValueError, TypeError
     ///     If an argument cannot be used.
-    #[pyo3(signature = (lens, distances, *, method="lens", aperture=None, threads=None, views=None))]
+    #[pyo3(signature = (lens, distances, *, method="lens", aperture=None, threads=None, **options))]
     #[expect(clippy::too_many_arguments, reason = "the public method's own, keyword-only in Python")]
     fn focal_stack<'py>(
         &self,
@@ -436,8 +441,9 @@ impl PyScene {
         method: &str,
         aperture: Option<&PyAperture>,
         threads: Option<usize>,
-        views: Option<usize>,
+        options: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<Bound<'py, PyAny>> {
+        let method = read_method(method, aperture, options)?;
         let distances: Vec<f64> = distances
             .try_iter()
             .and_then(|all| all.map(|d| d?.extract()).collect())
@@ -454,7 +460,7 @@ impl PyScene {
         let lenses = focused.collect::<crate::error::Result<Vec<_>>>()?;
         let slices = lenses
             .into_iter()
-            .map(|core| self.render(py, &PyLens { core }, method, aperture, threads, views))
+            .map(|lens| self.rendered(py, &lens, &method, threads))
             .collect::<PyResult<Vec<_>>>()?;
         py.import("numpy")?.call_method1("stack", (slices,))
     }

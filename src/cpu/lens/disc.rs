@@ -2,9 +2,10 @@
 
 use super::colors::Colors;
 use super::kernels::{self, Kernels};
-use super::pack::{TILE, mirrored};
+use super::pack::TILE;
 use super::sweep::TileColor;
 use crate::aperture::{Aperture, Kernel};
+use crate::cpu::border::mirrored;
 use crate::cpu::simd::Simd;
 use crate::picture::Size;
 use std::ops::{Add, Mul, RangeInclusive, Sub};

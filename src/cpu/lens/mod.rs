@@ -49,8 +49,6 @@ pub struct Settings {
     pub aperture: Aperture,
     /// Number of views everywhere, or chosen for each tile.
     pub views: Option<usize>,
-    /// Instruction set.
-    pub simd: Simd,
 }
 
 /// Refuses lenses whose circles of confusion are beyond reason.
@@ -80,6 +78,7 @@ pub fn render(
     optics: &Optics,
     settings: &Settings,
     supersample: usize,
+    simd: Simd,
     cancel: &Cancel,
 ) -> Result<Vec<f32>> {
     let size = picture.size;
@@ -104,13 +103,13 @@ pub fn render(
     let mut highlights = Vec::new();
     let highlights_are_out = !view_sets.is_empty();
     if highlights_are_out {
-        highlights = highlights::extract(sheets, &mut colors, &packed, s_focus, settings.simd);
+        highlights = highlights::extract(sheets, &mut colors, &packed, s_focus, simd);
         cancel.check()?;
         let footprint = Footprint::new(reach, |t| views::spacing_px(t, area, count_views(t)));
         let drawn = sheets.sheets.iter().zip(&colors).map(|(sheet, colors)| {
             footprint.widened(sheet, colors, size, s_focus).unwrap_or_else(|| colors.clone())
         });
-        packed.set_colors(sheets, &drawn.collect::<Vec<_>>(), &footprint, s_focus, settings.simd);
+        packed.set_colors(sheets, &drawn.collect::<Vec<_>>(), &footprint, s_focus, simd);
         cancel.check()?;
     }
     let highlights = Highlights::new(highlights, &packed, &tiles);
@@ -128,7 +127,7 @@ pub fn render(
         s_focus,
         aperture: &settings.aperture,
         kernels: &kernels,
-        simd: settings.simd,
+        simd,
     };
 
     let missed = if sheets.opaque { Missed::Unknown } else { Missed::Nothing };
@@ -144,7 +143,7 @@ pub fn render(
                 Work::Sweep { views, occupied } => {
                     let start = Start { packed: &packed, s_focus, origin: tile.origin, occupied };
                     segments.trace(&start, &view_sets[views]);
-                    sweep::sweep(settings.simd, &packed, segments, tile.origin, missed, color);
+                    sweep::sweep(simd, &packed, segments, tile.origin, missed, color);
                 }
             }
             highlights.draw(i, tile.origin, &packed, s_focus, &kernels, color);

@@ -6,6 +6,7 @@ use super::cells::{self, CHUNK, Cell, Codes, Depths, Rows};
 use super::colors::Colors;
 use super::footprint::{self, Footprint};
 use super::sheets::{Sheet, Sheets};
+use crate::cpu::border::mirrored;
 use crate::cpu::simd::Simd;
 use crate::memory;
 use crate::picture::Size;
@@ -64,12 +65,6 @@ impl Padding {
     fn rows_of(&self, y: usize) -> impl Iterator<Item = (usize, bool)> {
         images(y, self.height, self.pad, self.rows)
     }
-}
-
-/// Half-sample symmetric extension, however far out: `.. 1 0 | 0 1 2 .. n-1 | n-1 n-2 ..`.
-pub fn mirrored(i: i64, n: usize) -> (usize, bool) {
-    let i = i.rem_euclid(2 * n as i64) as usize;
-    if i < n { (i, false) } else { (2 * n - 1 - i, true) }
 }
 
 /// The places that show `i` when `n` are extended by `pad` before and up to `extent` in all.
@@ -399,13 +394,6 @@ fn bands<'a>(planes: impl Iterator<Item = &'a mut [f32]>, len: usize) -> Vec<Vec
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn mirrors_repeat_the_edge_pixel() {
-        let at = |i| mirrored(i, 3).0;
-        assert_eq!((-7..10).map(at).collect::<Vec<_>>(), [0, 0, 1, 2, 2, 1, 0, 0, 1, 2, 2, 1, 0, 0, 1, 2, 2]);
-        assert_eq!((-2..2).map(|i| mirrored(i, 1).0).collect::<Vec<_>>(), [0; 4]);
-    }
 
     #[test]
     fn images_are_where_the_mirror_shows_them() {

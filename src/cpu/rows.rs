@@ -1,0 +1,64 @@
+//! Work on the rows of an interleaved picture, in parallel and interruptible.
+
+use super::border::BLOCK;
+use crate::cancel::Cancel;
+use crate::error::Result;
+use crate::picture::Size;
+use rayon::prelude::*;
+
+/// Rows that one worker takes at a time.
+const BAND: usize = 8;
+
+/// A new interleaved picture of `size`, each row made by `row(scratch, y, out)`; every worker has a `scratch` of its own.
+pub fn render_rows<S>(
+    size: Size,
+    cancel: &Cancel,
+    scratch: impl Fn() -> S + Sync + Send,
+    row: impl Fn(&mut S, usize, &mut [f32]) + Sync + Send,
+) -> Result<Vec<f32>> {
+    let length = size.width * size.channels;
+    let mut out = vec![0.0f32; size.height * length];
+    out.par_chunks_mut(BAND * length).enumerate().try_for_each_init(scratch, |scratch, (band, rows)| {
+        cancel.check()?;
+        for (i, out) in rows.chunks_mut(length).enumerate() {
+            row(scratch, band * BAND + i, out);
+        }
+        Ok(())
+    })?;
+    Ok(out)
+}
+
+/// Puts the first pixels of a block of planes into an interleaved row.
+#[inline(always)]
+pub fn interleave<const C: usize>(planes: &[[f32; BLOCK]; C], out: &mut [f32]) {
+    for (x, pixel) in out.chunks_exact_mut(C).enumerate() {
+        for c in 0..C {
+            pixel[c] = planes[c][x];
+        }
+    }
+}
+
+/// Calls a function that is generic over the number of channels.
+macro_rules! with_channels {
+    ($channels:expr, $c:ident => $call:expr) => {
+        match $channels {
+            1 => {
+                const $c: usize = 1;
+                $call
+            }
+            2 => {
+                const $c: usize = 2;
+                $call
+            }
+            3 => {
+                const $c: usize = 3;
+                $call
+            }
+            _ => {
+                const $c: usize = 4;
+                $call
+            }
+        }
+    };
+}
+pub(crate) use with_channels;

@@ -1,0 +1,5 @@
+//! What to do, worked out before any pixel is looked at: settings, tap tables, weights and thresholds.
+//!
+//! A file a method. Nothing here depends on where the plan is carried out; `cpu` has a file of the same name for each.
+
+pub mod taps;
