@@ -18,19 +18,27 @@ pub const CHUNK: usize = 64;
 pub struct Codes {
     s_min: f64,
     step: f64,
+    /// Codes are made in single precision, which is enough: 24 bits for 16.
+    least: f32,
+    per_px: f32,
 }
 
 impl Codes {
     pub const MAX: u16 = u16::MAX - 1;
 
     pub fn new((s_min, s_max): (f64, f64)) -> Codes {
-        Codes { s_min, step: ((s_max - s_min) / f64::from(Codes::MAX - 1)).max(1e-9) }
+        let step = ((s_max - s_min) / f64::from(Codes::MAX - 1)).max(1e-9);
+        Codes { s_min, step, least: s_min as f32, per_px: (1.0 / step) as f32 }
     }
 
     #[inline(always)]
     pub fn encode(&self, s: f32) -> u16 {
-        // Single precision is enough: 24 bits for 16. The cast rounds down and saturates.
-        ((s - self.s_min as f32) * (1.0 / self.step) as f32 + 0.5).min(f32::from(Codes::MAX - 1)) as u16 + 1
+        // Adding 2^23 rounds to an integer, which is then what the lowest bits hold.
+        const TWO_TO_23: f32 = 8_388_608.0;
+        let code = (s - self.least) * self.per_px;
+        let code = if code > 0.0 { code } else { 0.0 };
+        let code = if code < f32::from(Codes::MAX - 1) { code } else { f32::from(Codes::MAX - 1) };
+        (code + TWO_TO_23).to_bits() as u16 + 1
     }
 
     /// The shift that a code, or a place between codes, stands for.
@@ -111,15 +119,26 @@ impl<'a> Rows<'a> {
         first..chunk.end.min(self.row.len() - 1).max(first)
     }
 
+    /// These cells and their neighbours to the left, to the right, above and below.
+    #[inline(always)]
+    pub fn cross(&self, inner: &Range<usize>) -> (&'a [f32], [&'a [f32]; 4]) {
+        let (n, at) = (inner.len(), inner.start);
+        if n == 0 {
+            return (&[], [&[]; 4]);
+        }
+        let around = [&self.row[at - 1..], &self.row[at + 1..], &self.above[at..], &self.below[at..]];
+        (&self.row[at..][..n], around.map(|row| &row[..n]))
+    }
+
     /// Which cells of a chunk have all four neighbours in their own sheet and close by, as nearly all have.
     #[inline(always)]
     pub fn plain(&self, chunk: &Range<usize>) -> [bool; CHUNK] {
         let mut plain = [false; CHUNK];
-        for x in self.inner(chunk) {
-            let s = self.row[x];
-            let close = |q: f32| (q - s).abs() < CONNECTED_PX;
-            plain[x - chunk.start] =
-                close(self.row[x - 1]) & close(self.row[x + 1]) & close(self.above[x]) & close(self.below[x]);
+        let inner = self.inner(chunk);
+        let (own, around) = self.cross(&inner);
+        let plain_inner = &mut plain[inner.start - chunk.start..][..own.len()];
+        for x in 0..own.len() {
+            plain_inner[x] = around.iter().fold(true, |all, q| all & ((q[x] - own[x]).abs() < CONNECTED_PX));
         }
         plain
     }
@@ -173,11 +192,13 @@ fn plain_depths(
     if rows.is_empty(chunk) {
         return None;
     }
-    for x in rows.inner(chunk) {
-        let s = rows.row[x];
-        let around = [rows.row[x - 1], rows.row[x + 1], rows.above[x], rows.below[x]];
-        let min = around.iter().fold(s, |m, &q| if q < m { q } else { m });
-        let max = around.iter().fold(s, |m, &q| if q > m { q } else { m });
+    let inner = rows.inner(chunk);
+    let (own, around) = rows.cross(&inner);
+    let (lo, hi) = (&mut lo[inner.clone()][..own.len()], &mut hi[inner][..own.len()]);
+    for x in 0..own.len() {
+        let s = own[x];
+        let min = around.iter().fold(s, |m, q| if q[x] < m { q[x] } else { m });
+        let max = around.iter().fold(s, |m, q| if q[x] > m { q[x] } else { m });
         lo[x] = codes.encode(0.5 * (s + min));
         hi[x] = codes.encode(0.5 * (s + max));
     }

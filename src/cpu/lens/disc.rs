@@ -83,12 +83,17 @@ impl<T: Real> Surroundings<T> {
             for (c, row) in self.row.chunks_exact(n).enumerate() {
                 let color = &mut self.color[(c * down + j) * across..][..across];
                 color.iter_mut().zip(&columns).for_each(|(v, &x)| *v = row[x - first].into());
-                let sums = &mut self.sums[(c * down + j) * (across + 1)..][..across + 1];
-                let mut sum = T::default();
-                sums[0] = sum;
-                for (after, v) in sums[1..].iter_mut().zip(color) {
-                    sum = sum + *v;
-                    *after = sum;
+            }
+            // The sums of the channels are made side by side: each waits for its own last one.
+            let line = |c: usize| (c.min(size.channels - 1) * down + j) * across;
+            let color: [&[T]; 4] = std::array::from_fn(|c| &self.color[line(c)..][..across]);
+            let mut sum = [T::default(); 4];
+            for x in 0..=across {
+                for c in 0..size.channels {
+                    self.sums[line(c) + c * down + j + x] = sum[c];
+                    if x < across {
+                        sum[c] = sum[c] + color[c][x];
+                    }
                 }
             }
         }

@@ -33,10 +33,14 @@ fn splat_variance(t: f32) -> f32 {
 
 /// What sharpening by `kappa` moves from a cell to a neighbour: their difference times `kappa`, the brighter gaining.
 /// A cell gives no more than a quarter of its light to each of four neighbours, so that none turns negative.
+#[inline(always)]
 pub fn flow(kappa: f32, own: f32, other: f32) -> f32 {
+    // Plain comparisons, which are single instructions: colours are never NaN.
+    let least = |a: f32, b: f32| if a < b { a } else { b };
+    let greatest = |a: f32, b: f32| if a > b { a } else { b };
     let wanted = kappa * (other - own);
-    let most = if kappa > 0.0 { 0.25 * own.min(other).max(0.0) } else { f32::MAX };
-    wanted.min(most).max(-most)
+    let most = if kappa > 0.0 { 0.25 * greatest(least(own, other), 0.0) } else { f32::MAX };
+    greatest(least(wanted, most), -most)
 }
 
 /// The variance to add to cells by their shift, negative where blur is to be undone.

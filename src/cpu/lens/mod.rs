@@ -23,6 +23,7 @@ pub use sheets::Sheets;
 
 use crate::aperture::Aperture;
 use crate::cancel::Cancel;
+use crate::cpu::rows::with_channels;
 use crate::cpu::simd::Simd;
 use crate::error::{Result, value_error};
 use crate::memory;
@@ -148,11 +149,7 @@ pub fn render(
             }
             highlights.draw(i, tile.origin, &packed, s_focus, &kernels, color);
             for (y, row) in rows.iter_mut().enumerate() {
-                for (x, pixel) in row.chunks_mut(size.channels).enumerate() {
-                    for (out, plane) in pixel.iter_mut().zip(&color.planes) {
-                        *out = plane[y * TILE.0 + x];
-                    }
-                }
+                with_channels!(size.channels, C => color.interleave::<C>(y, row));
             }
             Ok(())
         },

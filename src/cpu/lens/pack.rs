@@ -302,11 +302,13 @@ impl Drawn<'_> {
 /// Sharpens the cells of a chunk, all neighbours being on their surface.
 #[inline(always)]
 fn sharpen(rows: &Rows, chunk: &Range<usize>, kappa: &[f32; CHUNK], out: &mut [f32]) {
-    for x in rows.inner(chunk) {
-        let (own, kappa) = (rows.row[x], kappa[x - chunk.start]);
-        let flow = |q: f32| footprint::flow(kappa, own, q);
-        let flows = flow(rows.row[x - 1]) + flow(rows.row[x + 1]) + flow(rows.above[x]) + flow(rows.below[x]);
-        out[x - chunk.start] = own - flows;
+    let inner = rows.inner(chunk);
+    let (own, [left, right, above, below]) = rows.cross(&inner);
+    let skipped = inner.start - chunk.start;
+    let (kappa, out) = (&kappa[skipped..][..own.len()], &mut out[skipped..][..own.len()]);
+    for x in 0..own.len() {
+        let flow = |q: &[f32]| footprint::flow(kappa[x], own[x], q[x]);
+        out[x] = own[x] - (flow(left) + flow(right) + flow(above) + flow(below));
     }
 }
 

@@ -55,15 +55,28 @@ pub fn links(s: &[f32], width: usize, height: usize) -> Vec<u8> {
     links
 }
 
+/// Where two rows of shifts are farther apart than a step on one surface. Few are, so that whole groups are asked
+/// first.
+fn steps(a: &[f32], b: &[f32]) -> Vec<usize> {
+    const GROUP: usize = 32;
+    let far = |a: &f32, b: &f32| (b - a).abs() >= CONNECTED_PX;
+    let mut steps = Vec::new();
+    for (i, (a, b)) in a.chunks(GROUP).zip(b.chunks(GROUP)).enumerate() {
+        if a.iter().zip(b).fold(false, |any, (a, b)| any | far(a, b)) {
+            let here = a.iter().zip(b).enumerate().filter(|(_, (a, b))| far(a, b));
+            steps.extend(here.map(|(x, _)| i * GROUP + x));
+        }
+    }
+    steps
+}
+
 /// The links of row `y` that join no surface, as pixel and bit.
 fn broken_links(s: &[f32], width: usize, height: usize, y: usize) -> Vec<(usize, u8)> {
     let row = &s[y * width..][..width];
     let mut broken = Vec::new();
-    for x in 0..width - 1 {
-        // A missing `before` or `after` predicts a flat surface.
-        if (row[x + 1] - row[x]).abs() >= CONNECTED_PX
-            && !connected(row[x.saturating_sub(1)], row[x], row[x + 1], row[(x + 2).min(width - 1)])
-        {
+    // A missing `before` or `after` predicts a flat surface.
+    for x in steps(row, &row[1..]) {
+        if !connected(row[x.saturating_sub(1)], row[x], row[x + 1], row[(x + 2).min(width - 1)]) {
             broken.push((y * width + x, RIGHT));
         }
     }
@@ -71,9 +84,8 @@ fn broken_links(s: &[f32], width: usize, height: usize, y: usize) -> Vec<(usize,
         let below = &s[(y + 1) * width..][..width];
         let before = &s[y.saturating_sub(1) * width..][..width];
         let after = &s[(y + 2).min(height - 1) * width..][..width];
-        for x in 0..width {
-            if (below[x] - row[x]).abs() >= CONNECTED_PX && !connected(before[x], row[x], below[x], after[x])
-            {
+        for x in steps(row, below) {
+            if !connected(before[x], row[x], below[x], after[x]) {
                 broken.push((y * width + x, DOWN));
             }
         }
@@ -121,10 +133,15 @@ pub fn distance_to_edges(links: &[u8], width: usize) -> Vec<u8> {
 /// Distances as the row beside knows them.
 fn carry_over(beside: Option<&[u8]>, row: &mut [u8]) {
     let Some(beside) = beside else { return };
-    let last = row.len() - 1;
-    for x in 0..row.len() {
-        let near = beside[x.saturating_sub(1)].min(beside[x]).min(beside[(x + 1).min(last)]);
-        row[x] = row[x].min(near + 1);
+    let n = row.len();
+    for (d, near) in row.iter_mut().zip(beside) {
+        *d = (*d).min(near + 1);
+    }
+    for (d, near) in row[1..].iter_mut().zip(&beside[..n - 1]) {
+        *d = (*d).min(near + 1);
+    }
+    for (d, near) in row[..n - 1].iter_mut().zip(&beside[1..]) {
+        *d = (*d).min(near + 1);
     }
 }
 

@@ -145,6 +145,16 @@ impl TileColor {
     pub fn new(channels: usize) -> TileColor {
         TileColor { planes: vec![vec![0.0; TILE.0 * TILE.1]; channels] }
     }
+
+    /// Writes row `y` out, as many pixels as there are.
+    pub fn interleave<const C: usize>(&self, y: usize, out: &mut [f32]) {
+        let rows: [&[f32]; C] = std::array::from_fn(|c| &self.planes[c][y * TILE.0..][..TILE.0]);
+        for (x, pixel) in out.chunks_exact_mut(C).enumerate() {
+            for c in 0..C {
+                pixel[c] = rows[c][x];
+            }
+        }
+    }
 }
 
 /// Sweeps `LANES` x `ROWS` pixels whose first is at `base`, adding up every view.
