@@ -20,6 +20,13 @@ const BRIGHTER: f32 = 5.0;
 /// Blocks on each side whose mean is "the surroundings".
 const AROUND: usize = 2;
 
+/// What highlights are drawn in.
+pub struct Scene<'a> {
+    pub packed: &'a Packed,
+    pub s_focus: f64,
+    pub kernels: &'a Kernels,
+}
+
 /// The light of one cell above its surroundings, and its disc.
 pub struct Highlight {
     /// Place in the padded frame.
@@ -276,58 +283,59 @@ impl Highlight {
         if longest == 0.0 {
             return false;
         }
-        let code_per_px = 1.0 / packed.codes.step();
+        let code_per_step = 1.0 / (longest * packed.codes.step());
+        let start = f64::from(packed.codes.encode((self.t + s_focus) as f32));
+        let code = |k: f64| (start + k * code_per_step).min(f64::from(u16::MAX)) as u16;
         // Step by step outwards from the highlight, a cell at a time along the longer axis.
         let slope = [l[0] / longest, l[1] / longest];
-        let shift_per_step = 1.0 / longest;
         let steps = ((packed.reach_px - self.t) * longest).ceil() as i32;
-        let start = packed.codes.encode((self.t + s_focus) as f32);
-        (1..=steps).any(|k| {
-            let (dx, dy) = (f64::from(k) * slope[0], f64::from(k) * slope[1]);
-            let (x, y) = (self.x + dx.round() as i32, self.y + dy.round() as i32);
-            let inside = (0..packed.padding.stride as i32).contains(&x)
-                && (0..packed.padding.rows as i32).contains(&y);
-            if !inside {
+        let mut k = 1;
+        while k <= steps {
+            let along = slope.map(|slope| f64::from(k) * slope);
+            let cell = [self.x + along[0].round() as i32, self.y + along[1].round() as i32];
+            let (stride, rows) = (packed.padding.stride as i32, packed.padding.rows as i32);
+            if !(0..stride).contains(&cell[0]) || !(0..rows).contains(&cell[1]) {
                 return false;
             }
-            let cell = y as usize * packed.padding.stride + x as usize;
-            let code = |k: f64| {
-                (f64::from(start) + k * shift_per_step * code_per_px).min(f64::from(u16::MAX)) as u16
-            };
             let (from, to) = (code(f64::from(k) - 0.5), code(f64::from(k) + 0.5));
-            packed.sheets.iter().any(|sheet| {
-                let (lo, hi) = (sheet.lo[cell], sheet.hi[cell]);
+            let block = cell.map(|v| v as usize / BLOCK);
+            if packed.blocks.range[block[1] * packed.blocks.across + block[0]].1 < from {
+                // Nothing in this block is near enough, and the ray only comes nearer.
+                k += steps_inside(cell, slope);
+                continue;
+            }
+            let index = (cell[1] * stride + cell[0]) as usize;
+            let hidden = packed.sheets.iter().any(|sheet| {
+                let (lo, hi) = (sheet.lo[index], sheet.hi[index]);
                 hi >= from && lo < to && {
                     // Where the ray passes this cell, from its centre: on the line through the highlight.
                     let t_cell = packed.codes.decode(f64::from(lo)) - s_focus - self.t;
-                    let at = [l[0] * t_cell - dx.round(), l[1] * t_cell - dy.round()];
-                    sheet.partial.as_ref().is_none_or(|p| p.covers(cell, [at[0] as f32, at[1] as f32]))
+                    let at = [0, 1].map(|i| (l[i] * t_cell - along[i].round()) as f32);
+                    sheet.partial.as_ref().is_none_or(|p| p.covers(index, at))
                 }
-            })
-        })
+            });
+            if hidden {
+                return true;
+            }
+            k += 1;
+        }
+        false
     }
 
     /// Adds the part of the disc that lies in a tile.
-    fn draw(
-        &self,
-        packed: &Packed,
-        s_focus: f64,
-        kernels: &Kernels,
-        origin: (usize, usize),
-        out: &mut TileColor,
-    ) {
-        let pad = packed.padding.pad as i32;
+    fn draw(&self, scene: &Scene, origin: (usize, usize), out: &mut TileColor) {
+        let pad = scene.packed.padding.pad as i32;
         // The highlight in the tile's coordinates; a pixel p sees it at the offset q - p of the kernel.
         let (qx, qy) = (self.x - pad - origin.0 as i32, self.y - pad - origin.1 as i32);
-        let kernel = kernels.get(kernels::key(self.t));
+        let kernel = scene.kernels.get(kernels::key(self.t));
         for row in &kernel.rows {
             let y = qy - row.dy;
             if !(0..TILE.1 as i32).contains(&y) {
                 continue;
             }
-            let mut add = |x: i32, dx: i32, weight: f32| {
-                let l = [f64::from(dx) / self.t, f64::from(row.dy) / self.t];
-                if self.hidden_in_part && self.is_hidden_from(packed, s_focus, l) {
+            let mut add = |x: i32, weight: f32| {
+                let l = [qx - x, row.dy].map(|d| f64::from(d) / self.t);
+                if self.hidden_in_part && self.is_hidden_from(scene.packed, scene.s_focus, l) {
                     return;
                 }
                 for (plane, e) in out.planes.iter_mut().zip(self.excess) {
@@ -338,16 +346,27 @@ impl Highlight {
             let first = (qx - row.run.1 + 1).max(0);
             let end = (qx - row.run.0 + 1).min(TILE.0 as i32);
             for x in first..end {
-                add(x, qx - x, kernel.run_weight);
+                add(x, kernel.run_weight);
             }
             for &(dx, weight) in &row.partial {
                 let x = qx - dx;
                 if (0..TILE.0 as i32).contains(&x) {
-                    add(x, dx, weight);
+                    add(x, weight);
                 }
             }
         }
     }
+}
+
+/// After how many steps at the earliest a ray from `cell` leaves its block.
+fn steps_inside(cell: [i32; 2], slope: [f64; 2]) -> i32 {
+    let steps = |i: usize| {
+        let (inside, block) = (cell[i] % BLOCK as i32, BLOCK as i32);
+        let to_border = if slope[i] > 0.0 { block - inside } else { inside + 1 };
+        // Rounding to cells may gain one.
+        f64::from(to_border - 1) / slope[i].abs()
+    };
+    (steps(0).min(steps(1)) as i32).max(1)
 }
 
 /// The highlights of a frame, by the tiles that their discs reach.
@@ -385,17 +404,9 @@ impl Highlights {
     }
 
     /// Draws all that reaches tile number `tile`.
-    pub fn draw(
-        &self,
-        tile: usize,
-        origin: (usize, usize),
-        packed: &Packed,
-        s_focus: f64,
-        kernels: &Kernels,
-        out: &mut TileColor,
-    ) {
+    pub fn draw(&self, scene: &Scene, tile: usize, origin: (usize, usize), out: &mut TileColor) {
         for &i in &self.by_tile[tile] {
-            self.all[i as usize].draw(packed, s_focus, kernels, origin, out);
+            self.all[i as usize].draw(scene, origin, out);
         }
     }
 }

@@ -131,6 +131,7 @@ pub fn render(
         simd,
     };
 
+    let scene = highlights::Scene { packed: &packed, s_focus, kernels: &kernels };
     let missed = if sheets.opaque { Missed::Unknown } else { Missed::Nothing };
     let mut slots = tile_slots(&mut out, size.width, size.channels);
     slots.par_iter_mut().zip(&tiles).enumerate().try_for_each_init(
@@ -147,7 +148,7 @@ pub fn render(
                     sweep::sweep(simd, &packed, segments, tile.origin, missed, color);
                 }
             }
-            highlights.draw(i, tile.origin, &packed, s_focus, &kernels, color);
+            highlights.draw(&scene, i, tile.origin, color);
             for (y, row) in rows.iter_mut().enumerate() {
                 with_channels!(size.channels, C => color.interleave::<C>(y, row));
             }
