@@ -32,12 +32,15 @@ class Recipe:
     lamp_spp: int = 64
     peel_spp: int = 1
     max_depth: int = 1
+    # Other scenes' modules that it is made from.
+    uses: tuple[str, ...] = ()
 
 
 RECIPES = {
     "spheres": Recipe(),
     "fence": Recipe(),
     "hair": Recipe(),
+    "lamps": Recipe(lamp_spp=256, uses=("lights",)),
     "lights": Recipe(lamp_spp=256),
     "plane": Recipe(),
     "room": Recipe(pinhole_spp=400, half_spp=784, peel_spp=16, max_depth=4),
@@ -97,7 +100,7 @@ def render_bundle(name: str, width: int, height: int) -> dict[str, np.ndarray]:
 def fingerprint(name: str) -> str:
     """Digest of all that a scene's bundle depends on, to tell a cached one that is out of date."""
     digest = hashlib.sha256(repr((RECIPES[name], SUPERSAMPLE, LAYERS)).encode())
-    for module in (name, "camera", "capture", "shapes", "textures"):
+    for module in (name, *RECIPES[name].uses, "camera", "capture", "shapes", "textures"):
         digest.update((Path(__file__).parent / f"{module}.py").read_bytes())
     return digest.hexdigest()
 

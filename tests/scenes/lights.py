@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from .shapes import X_RIGHT, bitmap, box, floor, glow, rod, sphere, wall
+from .shapes import X_RIGHT, Shape, bitmap, box, floor, glow, rod, sphere, wall
 from .textures import blend, checks, noise, scattered, wave, weathered
 
 LAMPS = 44
@@ -36,20 +36,25 @@ def shapes() -> dict[str, Any]:
     return scene
 
 
+def lamp(
+    right: float, up: float, z: float, diameter_px: float, radiance: float, color: tuple[float, float, float]
+) -> Shape:
+    """Make a lamp; its apparent size is that at a width of 512 pixels, where one pixel is z / 667 metres."""
+    return {
+        "type": "sphere",
+        "center": [X_RIGHT * right, up, z],
+        "radius": 0.5 * diameter_px * z / 667.0,
+        **glow(tuple(radiance * c for c in color)),
+    }
+
+
 def lamps() -> dict[str, Any]:
     rng = np.random.default_rng(5)
     scene: dict[str, Any] = {}
 
     def add_lamp(name: str, right: float, up: float, z: float, diameter_px: float, radiance: float) -> None:
-        # The apparent size is set at the nominal width of 512 pixels, where one pixel is z / 667 metres.
         color = COLORS[rng.integers(len(COLORS))]
-        radius = 0.5 * diameter_px * z / 667.0
-        scene[name] = {
-            "type": "sphere",
-            "center": [X_RIGHT * right, up, z],
-            "radius": radius,
-            **glow(tuple(radiance * c for c in color)),
-        }
+        scene[name] = lamp(right, up, z, diameter_px, radiance, color)
 
     depths = np.concatenate([rng.uniform(5.0, 15.5, 30), rng.uniform(2.2, 3.6, 8), rng.uniform(3.9, 4.1, 6)])
     for i in range(LAMPS):
