@@ -128,6 +128,19 @@ def test_lamp_is_drawn_as_an_even_disc(surface):
     assert (out - dark).sum(dtype=np.float64) == pytest.approx(lamp, rel=0.01)
 
 
+@pytest.mark.parametrize("side", [3, 4, 5, 7, 8, 11])
+@pytest.mark.parametrize("background", [0.0, 0.01, 0.3])
+def test_lamp_inside_a_small_object_keeps_its_energy(side, background):
+    # Out of focus before a background in focus. The object is so small that most of it, or all, is edge.
+    picture = np.full((HEIGHT, WIDTH), background, np.float32)
+    picture[50, 60] = 1e4
+    depth = np.zeros((HEIGHT, WIDTH), np.float32)
+    first = slice(50 - side // 2, 50 - side // 2 + side), slice(60 - side // 2, 60 - side // 2 + side)
+    depth[first] = 1.0
+    out = render(picture, depth, strength_px=20.0)
+    assert (out.astype(np.float64) - background).sum() / 1e4 == pytest.approx(1.0, abs=1e-3)
+
+
 @pytest.mark.parametrize("axis", [0, 1])
 def test_steep_plane_stays_closed(axis):
     # The circle of confusion grows by 2 px a pixel: neighbours drift apart by up to that much.

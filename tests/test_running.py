@@ -71,7 +71,9 @@ def test_the_interpreter_is_free_while_a_render_runs():
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals are sent the POSIX way")
-def test_interrupt_stops_a_render_within_a_second():
+# In the middle of the preparation, and in the middle of the views.
+@pytest.mark.parametrize("after_s", [0.3, 3.0])
+def test_interrupt_stops_a_render_within_a_second(after_s):
     child = start("""
         import signal
         signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -86,7 +88,7 @@ def test_interrupt_stops_a_render_within_a_second():
     """)
     try:
         assert child.stdout.readline().strip() == "started"
-        time.sleep(2.0)
+        time.sleep(after_s)
         assert child.poll() is None
         sent = time.perf_counter()
         child.send_signal(signal.SIGINT)

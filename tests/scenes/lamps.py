@@ -1,4 +1,4 @@
-"""The street of `lights`, every lamp in full view of the pinhole: what one layer of colour and depth can hold."""
+"""The street of `lights`, every lamp in full view of the pinhole: what one layer can hold."""
 
 from typing import Any
 
@@ -9,8 +9,8 @@ from .lights import COLORS, lamp, shapes
 __all__ = ["lamps", "shapes"]
 
 LAMPS = 40
-# What stands before the lamps, as the pinhole sees it: thick lines (from, to, half width) in x / z and y / z, with
-# their least distance.
+# What stands before the lamps, as the pinhole sees it: thick lines (from, to, half width) in x / z and
+# y / z, with their least distance.
 IN_THE_WAY = [
     ((-0.150, -0.30), (-0.105, 0.39), 0.018, 2.0),
     ((-0.127, 0.058), (0.105, 0.242), 0.006, 1.9),
