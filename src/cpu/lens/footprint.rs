@@ -7,6 +7,7 @@
 use super::colors::Colors;
 use super::sheets::Sheet;
 use super::surfaces::CONNECTED_PX;
+use crate::cpu::simd::Simd;
 use crate::picture::Size;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -75,7 +76,14 @@ impl Footprint {
 
     /// The colours of a sheet, widened where lens points are sparser than [`Footprint::sharpening`] can make up
     /// for; `None` if that is nowhere.
-    pub fn widened(&self, sheet: &Sheet, colors: &Colors, size: Size, s_focus: f64) -> Option<Colors> {
+    pub fn widened(
+        &self,
+        sheet: &Sheet,
+        colors: &Colors,
+        size: Size,
+        s_focus: f64,
+        simd: Simd,
+    ) -> Option<Colors> {
         if self.table.iter().all(|v| *v <= NEXT_CELLS) {
             return None;
         }
@@ -98,13 +106,10 @@ impl Footprint {
             let per_weight = 2.0 * (reach * reach) as f32;
             let source = color.clone();
             let pass = Pass { s: &sheet.s, wanted: &wanted, done, per_weight, reach, size };
-            color.par_chunks_mut(size.width).enumerate().for_each_init(
-                || vec![0.0; size.width],
-                |scratch, (row, out)| {
-                    let (c, y) = (row / size.height, row % size.height);
-                    pass.row(&source[c * n..][..n], y, scratch, out);
-                },
-            );
+            color.par_chunks_mut(size.width).enumerate().for_each(|(row, out)| {
+                let (c, y) = (row / size.height, row % size.height);
+                simd.run(|| pass.row(&source[c * n..][..n], y, out));
+            });
             done += MAX_WEIGHT * per_weight;
         }
         Some(Colors::new(size, Arc::new(color)))
@@ -122,36 +127,42 @@ struct Pass<'a> {
 }
 
 impl Pass<'_> {
-    /// The weight between two cells: the mean of what both want, so that no energy is lost; none across surfaces.
-    fn weight(&self, p: usize, q: usize) -> f32 {
-        let own = |i: usize| ((self.wanted[i] - self.done) / self.per_weight).clamp(0.0, MAX_WEIGHT);
-        let same = (self.s[p] - self.s[q]).abs() < CONNECTED_PX * self.reach as f32;
-        if same { 0.5 * (own(p) + own(q)) } else { 0.0 }
-    }
-
-    /// One row of one channel. Flows to the right are computed once, then given to both sides.
-    fn row(&self, source: &[f32], y: usize, scratch: &mut [f32], out: &mut [f32]) {
+    /// One row of one channel.
+    #[inline(always)]
+    fn row(&self, source: &[f32], y: usize, out: &mut [f32]) {
         let (w, h, d) = (self.size.width, self.size.height, self.reach);
-        let flow = |p: usize, q: usize| self.weight(p, q) * (source[q] - source[p]);
         let start = y * w;
-        scratch.fill(0.0);
-        for x in 0..w.saturating_sub(d) {
-            let f = flow(start + x, start + x + d);
-            scratch[x] += f;
-            scratch[x + d] -= f;
+        out.copy_from_slice(&source[start..start + w]);
+        if d < w {
+            self.add_flows(source, start, start + d, &mut out[..w - d]);
+            self.add_flows(source, start + d, start, &mut out[d..]);
         }
         if y >= d {
-            for x in 0..w {
-                scratch[x] += flow(start + x, start + x - d * w);
-            }
+            self.add_flows(source, start, start - d * w, out);
         }
         if y + d < h {
-            for x in 0..w {
-                scratch[x] += flow(start + x, start + x + d * w);
-            }
+            self.add_flows(source, start, start + d * w, out);
         }
-        for (x, out) in out.iter_mut().enumerate() {
-            *out = source[start + x] + scratch[x];
+    }
+
+    /// Adds what flows from the cells at `from` and after to those at `to` and after. What two cells exchange is the
+    /// mean of what both want, so that no energy is lost; nothing crosses from surface to surface.
+    #[inline(always)]
+    fn add_flows(&self, source: &[f32], to: usize, from: usize, out: &mut [f32]) {
+        let n = out.len();
+        let [color, s, wanted] =
+            [source, self.s, self.wanted].map(|plane| (&plane[to..][..n], &plane[from..][..n]));
+        let per_weight = 1.0 / self.per_weight;
+        let own = |wanted: f32| {
+            let weight = (wanted - self.done) * per_weight;
+            let weight = if weight > 0.0 { weight } else { 0.0 };
+            if weight < MAX_WEIGHT { weight } else { MAX_WEIGHT }
+        };
+        let apart = CONNECTED_PX * self.reach as f32;
+        for i in 0..n {
+            let weight = 0.5 * (own(wanted.0[i]) + own(wanted.1[i]));
+            let weight = if (s.0[i] - s.1[i]).abs() < apart { weight } else { 0.0 };
+            out[i] += weight * (color.1[i] - color.0[i]);
         }
     }
 }

@@ -108,7 +108,7 @@ pub fn render(
         cancel.check()?;
         let footprint = Footprint::new(reach, |t| views::spacing_px(t, area, count_views(t)));
         let drawn = sheets.sheets.iter().zip(&colors).map(|(sheet, colors)| {
-            footprint.widened(sheet, colors, size, s_focus).unwrap_or_else(|| colors.clone())
+            footprint.widened(sheet, colors, size, s_focus, simd).unwrap_or_else(|| colors.clone())
         });
         packed.set_colors(sheets, &drawn.collect::<Vec<_>>(), &footprint, s_focus, simd);
         cancel.check()?;
