@@ -9,11 +9,15 @@ from dofsim._dofsim import simd_available
 
 # Each method with options that make it do all it can. A further method is a further line.
 METHODS = {
+    "poisson": {"taps": 24, "max_coc_px": 12.0},
+    "gaussian": {"max_coc_px": 12.0},
     "taps": {"variant": "thirteen"},
 }
 # What each method can be asked for, as its errors list it.
 OPTIONS = {
     "lens": "views",
+    "poisson": "bokeh, taps, max_coc_px, leak_test",
+    "gaussian": "focal_range, max_coc_px",
     "taps": "variant, hyperfocal_factor",
 }
 
@@ -147,7 +151,7 @@ def test_layers_are_refused_by_name(method):
         render(layers, depths, method)
 
 
-@pytest.mark.parametrize("method", ["taps"])
+@pytest.mark.parametrize("method", ["gaussian", "taps"])
 def test_other_openings_are_refused_by_name(method, color, depth):
     expected = re.escape(f'aperture must be a plain disc for method="{method}"')
     with pytest.raises(ValueError, match=expected + r".*Aperture\(blades=6\)"):
