@@ -9,7 +9,8 @@ pub fn mirrored(i: i64, n: usize) -> (usize, bool) {
     if i < n { (i, false) } else { (2 * n - 1 - i, true) }
 }
 
-/// Columns that filters work on at once; rows of a window are long enough for whole blocks of them.
+/// Columns that filters work on at once: so many that the compiler makes vector loops of them. Rows of a window are
+/// long enough for whole blocks.
 pub const BLOCK: usize = 64;
 
 /// Some rows of planes with a mirrored margin around them, so that a filter may read around any pixel without asking.

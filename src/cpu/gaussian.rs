@@ -14,6 +14,8 @@ use rayon::prelude::*;
 const BAND: usize = 16;
 /// Mirrored texels on both sides of a row of the half-size copy: taps read up to the next one beyond their reach.
 const MARGIN: usize = REACH + 1;
+/// Values of a row that are blurred along y at once.
+const ROW_BLOCK: usize = 64;
 
 /// The picture, interleaved.
 pub fn render(
@@ -148,36 +150,56 @@ fn mix(a: f32, b: f32, fraction: f32) -> f32 {
     a + fraction * (b - a)
 }
 
+/// A block of a line interpolated between the texels at two indices.
+#[inline(always)]
+fn between(line: &[f32], near: usize, far: usize, fraction: f32) -> [f32; BLOCK] {
+    let (a, b) = (block(line, near), block(line, far));
+    let mut out = [0.0; BLOCK];
+    for i in 0..BLOCK {
+        out[i] = mix(a[i], b[i], fraction);
+    }
+    out
+}
+
+/// Weighted colours of a block, and their weights.
+struct Weighted<const C: usize> {
+    colors: [[f32; BLOCK]; C],
+    total: [f32; BLOCK],
+}
+
+impl<const C: usize> Weighted<C> {
+    /// Adds a tap between the texels at two indices.
+    #[inline(always)]
+    fn add(&mut self, halved: &Halved, near: usize, far: usize, fraction: f32, threshold: f32) {
+        let blurriness = between(&halved.lines[C], near, far, fraction);
+        let mut weights = [0.0; BLOCK];
+        for i in 0..BLOCK {
+            weights[i] = weight(blurriness[i], threshold);
+            self.total[i] += weights[i];
+        }
+        for c in 0..C {
+            let color = between(&halved.lines[c], near, far, fraction);
+            for i in 0..BLOCK {
+                self.colors[c][i] += weights[i] * color[i];
+            }
+        }
+    }
+}
+
 multiversion! {
     /// Blurs a row of the half-size copy along x: weighted sums, not yet divided by the weights.
     fn blur_x<const C: usize>(plan: &Plan, halved: &Halved, out: &mut [f32]) {
         let width = out.len() / (C + 1);
         for x in (0..width).step_by(BLOCK) {
             let centre = MARGIN + x;
-            let mut sums = [[0.0f32; BLOCK]; C];
-            let mut total = [0.0f32; BLOCK];
-            // A tap between the texels at two indices.
-            let mut add = |near: usize, far: usize, fraction: f32, threshold: f32| {
-                let (a, b) = (block(&halved.lines[C], near), block(&halved.lines[C], far));
-                let mut weights = [0.0; BLOCK];
-                for i in 0..BLOCK {
-                    weights[i] = weight(mix(a[i], b[i], fraction), threshold);
-                    total[i] += weights[i];
-                }
-                for c in 0..C {
-                    let (a, b) = (block(&halved.lines[c], near), block(&halved.lines[c], far));
-                    for i in 0..BLOCK {
-                        sums[c][i] += weights[i] * mix(a[i], b[i], fraction);
-                    }
-                }
-            };
-            add(centre, centre, 0.0, plan.centre_threshold);
+            let mut sums = Weighted { colors: [[0.0; BLOCK]; C], total: [0.0; BLOCK] };
+            sums.add(halved, centre, centre, 0.0, plan.centre_threshold);
             for tap in &plan.taps {
-                add(centre + tap.whole, centre + tap.whole + 1, tap.fraction, tap.threshold);
-                add(centre - tap.whole, centre - tap.whole - 1, tap.fraction, tap.threshold);
+                sums.add(halved, centre + tap.whole, centre + tap.whole + 1, tap.fraction, tap.threshold);
+                sums.add(halved, centre - tap.whole, centre - tap.whole - 1, tap.fraction, tap.threshold);
             }
             let n = BLOCK.min(width - x);
-            for (line, values) in sums.iter().chain([&total]).enumerate() {
+            for (line, values) in sums.colors.iter().chain([&sums.total]).enumerate() {
                 out[line * width + x..][..n].copy_from_slice(&values[..n]);
             }
         }
@@ -248,10 +270,10 @@ impl Blurred {
 multiversion! {
     /// Blurs rows along y into their middle one.
     fn blur_y(plan: &Plan, rows: &[&[f32]; 2 * REACH + 1], out: &mut [f32]) {
-        for (i, out) in out.chunks_mut(4 * BLOCK).enumerate() {
-            let part = |row: usize| &rows[row][4 * BLOCK * i..][..out.len()];
+        for (i, out) in out.chunks_mut(ROW_BLOCK).enumerate() {
+            let part = |row: usize| &rows[row][ROW_BLOCK * i..][..out.len()];
             let centre = part(REACH);
-            let mut sums = [0.0f32; 4 * BLOCK];
+            let mut sums = [0.0f32; ROW_BLOCK];
             for (sum, v) in sums.iter_mut().zip(centre) {
                 *sum = plan.weights[0] * v;
             }

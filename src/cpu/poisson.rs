@@ -59,11 +59,10 @@ multiversion! {
     }
 }
 
-/// What a tap counts, before its own weight.
+/// What a tap counts under the leak test, before its own weight.
 #[inline(always)]
-fn contribution(leak_test: LeakTest, centre_disparity: f32, tap_disparity: f32, tap_blurriness: f32) -> f32 {
-    let in_front = tap_disparity > centre_disparity;
-    if leak_test == LeakTest::On && in_front { tap_blurriness } else { 1.0 }
+fn contribution(centre_disparity: f32, tap_disparity: f32, tap_blurriness: f32) -> f32 {
+    if tap_disparity > centre_disparity { tap_blurriness } else { 1.0 }
 }
 
 /// From `a` to `b`; exact where they are equal.
@@ -107,8 +106,8 @@ impl Places for Shared {
     #[inline(always)]
     fn read(&self, plane: &[f32], stride: usize) -> [f32; BLOCK] {
         let mut out = [0.0; BLOCK];
-        let [a, b] = [self.first, self.first + 1].map(|at| block(plane, at));
-        let [c, d] = [self.first + stride, self.first + stride + 1].map(|at| block(plane, at));
+        let (a, b) = (block(plane, self.first), block(plane, self.first + 1));
+        let (c, d) = (block(plane, self.first + stride), block(plane, self.first + stride + 1));
         for i in 0..BLOCK {
             out[i] = mix(mix(a[i], b[i], self.right), mix(c[i], d[i], self.right), self.down);
         }
@@ -143,7 +142,7 @@ impl Places for Own {
         for i in 0..BLOCK {
             // SAFETY: taps lie within one radius, and the radius is limited to two pixels less than the margin that
             // the window has around every block, so that a place's four neighbours lie inside the plane.
-            let pixel = |step: usize| unsafe { *plane.get_unchecked(self.first[i] as usize + step) };
+            let pixel = |step: usize| unsafe { *plane.as_ptr().add(step).offset(self.first[i] as isize) };
             let above = mix(pixel(0), pixel(1), self.right[i]);
             let below = mix(pixel(stride), pixel(stride + 1), self.right[i]);
             out[i] = mix(above, below, self.down[i]);
@@ -165,14 +164,15 @@ fn average<const C: usize, P: Places>(
     let mut moved = [[0.0f32; BLOCK]; C];
     for tap in &plan.taps {
         let places = P::new(tap, scale_px, at, window.stride);
-        let (tap_disparity, tap_blurriness) = match plan.leak_test {
-            LeakTest::On => [C, C + 1].map(|plane| places.read(window.plane(plane), window.stride)).into(),
-            LeakTest::Off => ([0.0; BLOCK], [0.0; BLOCK]),
-        };
-        let mut counts = [0.0; BLOCK];
+        let mut counts = [tap.weight; BLOCK];
+        if plan.leak_test == LeakTest::On {
+            let tap_disparity = places.read(window.plane(C), window.stride);
+            let tap_blurriness = places.read(window.plane(C + 1), window.stride);
+            for i in 0..BLOCK {
+                counts[i] *= contribution(disparity[i], tap_disparity[i], tap_blurriness[i]);
+            }
+        }
         for i in 0..BLOCK {
-            counts[i] =
-                tap.weight * contribution(plan.leak_test, disparity[i], tap_disparity[i], tap_blurriness[i]);
             total[i] += counts[i];
         }
         for c in 0..C {
@@ -192,19 +192,73 @@ fn average<const C: usize, P: Places>(
     moved
 }
 
+/// By what the pattern is scaled around each pixel of a block.
+#[inline(always)]
+fn scales_px(plan: &Plan, disparity: &[f32; BLOCK]) -> [f32; BLOCK] {
+    let mut out = [0.0; BLOCK];
+    for i in 0..BLOCK {
+        out[i] = plan.scale_px(disparity[i]);
+    }
+    out
+}
+
+/// The different values in a block, if they are few: for so many, a shared place each costs less than own places.
+struct Values {
+    found: [f32; 4],
+    count: usize,
+}
+
+impl Values {
+    #[inline(always)]
+    fn of(block: &[f32; BLOCK]) -> Option<Values> {
+        let mut values = Values { found: [block[0]; 4], count: 1 };
+        if *block == [block[0]; BLOCK] {
+            return Some(values);
+        }
+        for v in block {
+            if !values.found[..values.count].contains(v) {
+                *values.found.get_mut(values.count)? = *v;
+                values.count += 1;
+            }
+        }
+        Some(values)
+    }
+}
+
+/// The colours of a block as they are.
+#[inline(always)]
+fn centre<const C: usize>(window: &Window, at: usize) -> [[f32; BLOCK]; C] {
+    let mut out = [[0.0; BLOCK]; C];
+    for c in 0..C {
+        out[c] = *block(window.plane(c), at);
+    }
+    out
+}
+
 multiversion! {
     /// One row of the picture.
     fn row<const C: usize>(plan: &Plan, window: &Window, y: usize, out: &mut [f32]) {
         for (i, out) in out.chunks_mut(BLOCK * C).enumerate() {
             let at = window.index(i * BLOCK, y);
-            let scale_px = block(window.plane(C), at).map(|d| plan.scale_px(d));
-            let blurred = if scale_px.iter().all(|s| *s == 0.0) {
-                std::array::from_fn(|c| *block(window.plane(c), at))
-            } else if scale_px.iter().all(|s| *s == scale_px[0]) {
-                average::<C, Shared>(plan, window, at, &scale_px)
-            } else {
-                average::<C, Own>(plan, window, at, &scale_px)
-            };
+            let scale_px = scales_px(plan, block(window.plane(C), at));
+            let mut blurred = [[0.0f32; BLOCK]; C];
+            match Values::of(&scale_px) {
+                Some(values) => {
+                    for value in &values.found[..values.count] {
+                        let shared = if *value == 0.0 {
+                            centre::<C>(window, at)
+                        } else {
+                            average::<C, Shared>(plan, window, at, &[*value; BLOCK])
+                        };
+                        for c in 0..C {
+                            for i in 0..BLOCK {
+                                blurred[c][i] = if scale_px[i] == *value { shared[c][i] } else { blurred[c][i] };
+                            }
+                        }
+                    }
+                }
+                None => blurred = average::<C, Own>(plan, window, at, &scale_px),
+            }
             interleave(&blurred, out);
         }
     }

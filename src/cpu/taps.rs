@@ -50,13 +50,16 @@ multiversion! {
     }
 }
 
-/// The weight of a look-up.
+/// The weights of a look-up.
 #[inline(always)]
-fn weight(mix: Mix, centre_blur: f32, tap_blur: f32) -> f32 {
-    match mix {
-        Mix::Both => centre_blur * tap_blur,
-        Mix::Centre => centre_blur,
+fn weights(mix: Mix, centre_blur: &[f32; BLOCK], tap_blur: &[f32; BLOCK]) -> [f32; BLOCK] {
+    let mut out = *centre_blur;
+    if mix == Mix::Both {
+        for i in 0..BLOCK {
+            out[i] = centre_blur[i] * tap_blur[i];
+        }
     }
+    out
 }
 
 /// A block of one plane as a look-up sees it.
@@ -81,11 +84,12 @@ multiversion! {
             let mut sum = [[0.0f32; BLOCK]; C];
             for tap in &plan.taps {
                 let tap_blur = look_up(window.plane(C), window.stride, at, tap);
+                let weights = weights(plan.mix, centre_blur, &tap_blur);
                 for c in 0..C {
                     let centre = block(window.plane(c), at);
                     let color = look_up(window.plane(c), window.stride, at, tap);
                     for x in 0..BLOCK {
-                        sum[c][x] += weight(plan.mix, centre_blur[x], tap_blur[x]) * (color[x] - centre[x]);
+                        sum[c][x] += weights[x] * (color[x] - centre[x]);
                     }
                 }
             }
