@@ -7,6 +7,7 @@ pub mod cpu;
 pub mod depth;
 pub mod error;
 pub mod files;
+mod memory;
 pub mod optics;
 pub mod picture;
 pub mod plan;

@@ -70,7 +70,7 @@ impl Scene {
     ///
     /// The lock is never held over parallel work: a worker that waits inside it may be handed another render of
     /// the same scene, and would wait for itself.
-    fn sheets(&self, optics: &Optics) -> Result<Arc<Sheets>> {
+    fn sheets(&self, optics: &Optics, simd: Simd, cancel: &Cancel) -> Result<Arc<Sheets>> {
         // A poisoned lock only means that another render was interrupted; what it holds is whole or absent.
         let cached = || self.sheets.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         let at_hand = cached().as_ref().filter(|(k, _)| *k == optics.k).map(|(_, sheets)| Arc::clone(sheets));
@@ -78,7 +78,7 @@ impl Scene {
             cpu::lens::check_radius(&self.picture, optics)?;
             return Ok(sheets);
         }
-        let sheets = Arc::new(cpu::lens::prepare(&self.picture, optics)?);
+        let sheets = Arc::new(cpu::lens::prepare(&self.picture, optics, simd, cancel)?);
         *cached() = Some((optics.k, Arc::clone(&sheets)));
         Ok(sheets)
     }
@@ -89,7 +89,7 @@ impl Scene {
         let (picture, size, front) = (&self.picture, self.picture.size, &self.picture.layers[0]);
         let full = match method {
             Method::Lens(settings) => {
-                let sheets = self.sheets(optics)?;
+                let sheets = self.sheets(optics, simd, cancel)?;
                 cpu::lens::render(picture, &sheets, optics, settings, self.supersample, simd, cancel)
             }
             Method::Poisson(settings) => cpu::poisson::render(front, size, optics, settings, simd, cancel),

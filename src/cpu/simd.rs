@@ -1,9 +1,10 @@
-//! Instruction sets that the processor is asked for at run time.
+//! Instruction sets, chosen when the program runs.
 
-/// An instruction set to compute with. All give the same bits.
+/// An instruction set to compute with. All give the same bits: the compiler neither reorders sums nor fuses
+/// products into them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Simd {
-    /// What the compiler makes of plain code.
+    /// What every processor of this kind has.
     Portable,
     /// 256-bit vectors.
     #[cfg(target_arch = "x86_64")]
@@ -22,12 +23,42 @@ impl Simd {
             if is_x86_feature_detected!("avx2") {
                 all.push(Simd::Avx2);
             }
-            if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512bw") {
+            if is_x86_feature_detected!("avx512f")
+                && is_x86_feature_detected!("avx512bw")
+                && is_x86_feature_detected!("avx512dq")
+                && is_x86_feature_detected!("avx512vl")
+            {
                 all.push(Simd::Avx512);
             }
         }
         all
     }
+
+    /// Does `work`, compiled for this instruction set: a loop without calls that are not inlined.
+    #[inline(always)]
+    pub fn run<T>(self, work: impl FnOnce() -> T) -> T {
+        match self {
+            Simd::Portable => work(),
+            // SAFETY: values of these come from `available`, which detects the instructions.
+            #[cfg(target_arch = "x86_64")]
+            Simd::Avx2 => unsafe { avx2(work) },
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            Simd::Avx512 => unsafe { avx512(work) },
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+unsafe fn avx2<T>(work: impl FnOnce() -> T) -> T {
+    work()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
+unsafe fn avx512<T>(work: impl FnOnce() -> T) -> T {
+    work()
 }
 
 /// Compiles a function of plain code once for each instruction set; the first argument of what comes out picks one.
@@ -51,7 +82,7 @@ macro_rules! multiversion {
             }
 
             #[cfg(target_arch = "x86_64")]
-            #[target_feature(enable = "avx512f,avx512bw")]
+            #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
             fn avx512 $(<const $n: usize>)? ($($arg: $type),*) {
                 portable $(::<$n>)? ($($arg),*)
             }

@@ -1,9 +1,11 @@
 //! What lies hidden behind foreground edges: colour and depth of the surface that the lens sees there and the
 //! pinhole did not.
 
-use super::sheets::Sheet;
+use super::blocks::BLOCK;
 use super::surfaces::{self, CONNECTED_PX, EDGE};
-use super::unmix::Frame;
+use super::unmix::{Frame, Mixed};
+use crate::cancel::Cancel;
+use crate::error::Result;
 use rayon::prelude::*;
 
 /// Directions in which a hidden pixel looks for what continues behind it.
@@ -16,8 +18,6 @@ const SAME_SURFACE_PX: f32 = 2.0;
 const BEHIND_PX: f32 = 0.5;
 /// A lens sees no farther behind a silhouette than the difference in shift, and a little more for rounding.
 const MARGIN_PX: f32 = 2.0;
-/// Side of the blocks that say where silhouettes are.
-const BLOCK: usize = 16;
 
 /// A hidden pixel filled in.
 pub struct Hidden {
@@ -62,10 +62,11 @@ fn rays(reach: usize) -> Vec<Vec<Step>> {
         .collect()
 }
 
-/// Least shift at a silhouette, and greatest shift of all, of each block of pixels.
+/// Least shift at a silhouette, and least and greatest shift of all, of each block of pixels.
 struct Blocks {
     across: usize,
     edge_s: Vec<f32>,
+    min_s: Vec<f32>,
     max_s: Vec<f32>,
 }
 
@@ -73,24 +74,26 @@ impl Blocks {
     fn new(frame: &Frame) -> Blocks {
         let across = frame.size.width.div_ceil(BLOCK);
         let down = frame.size.height.div_ceil(BLOCK);
-        let (edge_s, max_s) = (0..across * down)
+        let all: Vec<[f32; 3]> = (0..across * down)
             .into_par_iter()
             .map(|b| {
                 let (x0, y0) = (b % across * BLOCK, b / across * BLOCK);
-                let (mut edge_s, mut max_s) = (f32::INFINITY, f32::NEG_INFINITY);
+                let (mut edge, mut min, mut max) = (f32::INFINITY, f32::INFINITY, f32::NEG_INFINITY);
                 for y in y0..(y0 + BLOCK).min(frame.size.height) {
-                    for x in x0..(x0 + BLOCK).min(frame.size.width) {
-                        let i = y * frame.size.width + x;
-                        max_s = max_s.max(frame.s[i]);
-                        if frame.links[i] & EDGE != 0 {
-                            edge_s = edge_s.min(frame.s[i]);
-                        }
+                    let start = y * frame.size.width;
+                    let row = start + x0..start + (x0 + BLOCK).min(frame.size.width);
+                    for (&s, &links) in frame.s[row.clone()].iter().zip(&frame.links[row]) {
+                        let at_edge = if links & EDGE != 0 { s } else { f32::INFINITY };
+                        edge = if at_edge < edge { at_edge } else { edge };
+                        min = if s < min { s } else { min };
+                        max = if s > max { s } else { max };
                     }
                 }
-                (edge_s, max_s)
+                [edge, min, max]
             })
-            .unzip();
-        Blocks { across, edge_s, max_s }
+            .collect();
+        let column = |i: usize| all.iter().map(|block| block[i]).collect();
+        Blocks { across, edge_s: column(0), min_s: column(1), max_s: column(2) }
     }
 
     /// The least shift at a silhouette that any pixel of block `b` could uncover, if there is one.
@@ -114,13 +117,18 @@ impl Blocks {
 /// What a look needs to know of the frame.
 struct Surroundings<'a> {
     frame: &'a Frame<'a>,
-    /// The unmixed cells behind edges.
-    back: &'a Sheet,
+    /// The edge pixels that were taken apart, by rising index.
+    mixed: &'a [Mixed],
     /// See [`surfaces::distance_to_edges`].
     edge_distance: &'a [u8],
 }
 
 impl Surroundings<'_> {
+    /// An edge pixel taken apart.
+    fn mixed(&self, index: usize) -> Option<&Mixed> {
+        self.mixed.binary_search_by_key(&index, |m| m.index).ok().map(|i| &self.mixed[i])
+    }
+
     /// Follows one direction from pixel `(x, y)`, at shift `s_start`, until it leaves the foreground; no farther
     /// than a surface at `s_farthest` could be uncovered.
     fn look(&self, (x, y): (usize, usize), s_start: f32, s_farthest: f32, ray: &[Step]) -> Option<Hit> {
@@ -160,17 +168,13 @@ impl Surroundings<'_> {
 
     /// The colour of the first pixel beyond a silhouette that mixes with nothing, or else the unmixed one there.
     fn pure_beyond(&self, (x, y): (usize, usize), hit: usize, ray: &[Step]) -> [f32; 4] {
-        let Frame { size, s, links, .. } = *self.frame;
+        let Frame { s, links, .. } = *self.frame;
         let beyond = ray.iter().take(BEYOND_EDGE).map_while(|step| self.frame.offset(x, y, step.dx, step.dy));
         let pure =
             beyond.take_while(|&q| (s[q] - s[hit]).abs() < SAME_SURFACE_PX).find(|&q| links[q] & EDGE == 0);
         match pure {
             Some(q) => self.frame.color_at(q),
-            None if self.back.s[hit].is_nan() => self.frame.color_at(hit),
-            None => {
-                let at = |c: usize| self.back.color[c * size.pixels() + hit];
-                std::array::from_fn(|c| if c < size.channels { at(c) } else { 0.0 })
-            }
+            None => self.mixed(hit).map_or_else(|| self.frame.color_at(hit), |mixed| mixed.back),
         }
     }
 }
@@ -208,40 +212,49 @@ fn merge(index: usize, s_start: f32, hits: &[Hit]) -> Option<Hidden> {
     })
 }
 
-/// Fills every pixel that a lens can look behind and whose back cell is still unknown.
-pub fn hidden(frame: &Frame, front_s: &[f32], back: &Sheet) -> Vec<Hidden> {
+/// Fills every pixel that a lens can look behind and whose background is still unknown.
+pub fn hidden(frame: &Frame, mixed: &[Mixed], cancel: &Cancel) -> Result<Vec<Hidden>> {
     let (width, height) = (frame.size.width, frame.size.height);
     let blocks = Blocks::new(frame);
-    let (s_min, s_max) = front_s
-        .par_iter()
-        .map(|&s| (s, s))
-        .reduce(|| (f32::INFINITY, f32::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)));
-    let uncovered: Vec<Option<f32>> =
-        (0..blocks.edge_s.len()).into_par_iter().map(|b| blocks.farthest_uncovered(b, s_min)).collect();
+    let s_min = blocks.min_s.iter().copied().fold(f32::INFINITY, f32::min);
+    let s_max = blocks.max_s.iter().copied().fold(f32::NEG_INFINITY, f32::max);
     let reach = (s_max - s_min + MARGIN_PX).ceil() as usize;
     let rays = rays(reach.min(width.max(height)));
 
     let edge_distance = surfaces::distance_to_edges(frame.links, width);
-    let around = Surroundings { frame, back, edge_distance: &edge_distance };
+    let around = Surroundings { frame, mixed, edge_distance: &edge_distance };
 
-    let fill_pixel = |x: usize, y: usize| {
-        let index = y * width + x;
-        let s_farthest = uncovered[y / BLOCK * blocks.across + x / BLOCK]?;
-        let behind = front_s[index] - s_farthest;
+    let fill_pixel = |index: usize, s_farthest: f32| {
+        // What lies behind a mixed pixel is known, unless it turned out to show only that.
+        let at_edge = edge_distance[index] == 0;
+        let s_front = match if at_edge { around.mixed(index) } else { None } {
+            Some(mixed) if mixed.coverage > 0.0 => return None,
+            Some(mixed) => mixed.s_back,
+            None => frame.s[index],
+        };
+        let behind = s_front - s_farthest;
         let too_far = f32::from(edge_distance[index]) > behind + MARGIN_PX;
-        if !back.s[index].is_nan() || behind < CONNECTED_PX || too_far {
+        if behind < CONNECTED_PX || too_far {
             return None;
         }
         let mut hits = [Hit { distance: 0.0, s: 0.0, color: [0.0; 4] }; DIRECTIONS];
         let mut found = 0;
         for ray in &rays {
-            if let Some(hit) = around.look((x, y), front_s[index], s_farthest, ray) {
+            if let Some(hit) = around.look((index % width, index / width), s_front, s_farthest, ray) {
                 hits[found] = hit;
                 found += 1;
             }
         }
-        merge(index, front_s[index], &hits[..found])
+        merge(index, s_front, &hits[..found])
     };
-    let rows = (0..height).into_par_iter();
-    rows.flat_map_iter(|y| (0..width).filter_map(|x| fill_pixel(x, y)).collect::<Vec<_>>()).collect()
+    let fill_block = |b: usize| {
+        cancel.check()?;
+        let Some(s_farthest) = blocks.farthest_uncovered(b, s_min) else { return Ok(Vec::new()) };
+        let (x0, y0) = (b % blocks.across * BLOCK, b / blocks.across * BLOCK);
+        let rows = y0..(y0 + BLOCK).min(height);
+        let pixels = rows.flat_map(|y| (x0..(x0 + BLOCK).min(width)).map(move |x| y * width + x));
+        Ok(pixels.filter_map(|index| fill_pixel(index, s_farthest)).collect())
+    };
+    let filled = (0..blocks.edge_s.len()).into_par_iter().map(fill_block).collect::<Result<Vec<_>>>()?;
+    Ok(filled.into_iter().flatten().collect())
 }

@@ -4,11 +4,12 @@
 //! so sparse that the places they draw a cell at come apart, cells are widened along their own surface instead, so
 //! that texture finer than the lens points does not turn into noise.
 
+use super::colors::Colors;
 use super::sheets::Sheet;
 use super::surfaces::CONNECTED_PX;
 use crate::picture::Size;
 use rayon::prelude::*;
-use std::borrow::Cow;
+use std::sync::Arc;
 
 /// Standard deviation of a cell's footprint as a fraction of the distance between the places it is drawn at.
 const FOOTPRINT: f32 = 0.35;
@@ -32,10 +33,14 @@ fn splat_variance(t: f32) -> f32 {
 
 /// What sharpening by `kappa` moves from a cell to a neighbour: their difference times `kappa`, the brighter gaining.
 /// A cell gives no more than a quarter of its light to each of four neighbours, so that none turns negative.
+#[inline(always)]
 pub fn flow(kappa: f32, own: f32, other: f32) -> f32 {
+    // Plain comparisons, which are single instructions: colours are never NaN.
+    let least = |a: f32, b: f32| if a < b { a } else { b };
+    let greatest = |a: f32, b: f32| if a > b { a } else { b };
     let wanted = kappa * (other - own);
-    let most = if kappa > 0.0 { 0.25 * own.min(other).max(0.0) } else { f32::MAX };
-    wanted.min(most).max(-most)
+    let most = if kappa > 0.0 { 0.25 * greatest(least(own, other), 0.0) } else { f32::MAX };
+    greatest(least(wanted, most), -most)
 }
 
 /// The variance to add to cells by their shift, negative where blur is to be undone.
@@ -68,10 +73,11 @@ impl Footprint {
         -0.5 * self.variance(t).min(NEXT_CELLS)
     }
 
-    /// Widens the colours of a sheet where lens points are sparser than [`Footprint::sharpening`] can make up for.
-    pub fn widen(&self, sheet: &Sheet, color: &mut Cow<[f32]>, size: Size, s_focus: f64) {
+    /// The colours of a sheet, widened where lens points are sparser than [`Footprint::sharpening`] can make up
+    /// for; `None` if that is nowhere.
+    pub fn widened(&self, sheet: &Sheet, colors: &Colors, size: Size, s_focus: f64) -> Option<Colors> {
         if self.table.iter().all(|v| *v <= NEXT_CELLS) {
-            return;
+            return None;
         }
         let n = size.pixels();
         let shift = |s: f32| (f64::from(s) - s_focus) as f32;
@@ -83,13 +89,13 @@ impl Footprint {
         let most = wanted.par_iter().copied().reduce(|| 0.0, f32::max);
 
         let mut done = 0.0f32;
+        let mut color = colors.to_planes();
         for reach in REACHES {
             if most <= done {
                 break;
             }
             // Weights w of neighbours at distance h add the variance 2 w h^2.
             let per_weight = 2.0 * (reach * reach) as f32;
-            let color = color.to_mut();
             let source = color.clone();
             let pass = Pass { s: &sheet.s, wanted: &wanted, done, per_weight, reach, size };
             color.par_chunks_mut(size.width).enumerate().for_each_init(
@@ -101,6 +107,7 @@ impl Footprint {
             );
             done += MAX_WEIGHT * per_weight;
         }
+        Some(Colors::new(size, Arc::new(color)))
     }
 }
 

@@ -3,14 +3,16 @@
 //! What such a cell has above its surroundings is taken out of the sheets and drawn as the exact, area-weighted
 //! opening; each pixel of it asks along its own ray whether something nearer is in the way.
 
-use super::kernels::Kernels;
-use super::pack::{BLOCK, Packed, TILE};
+use super::blocks::BLOCK;
+use super::colors::{Colors, Own};
+use super::kernels::{self, Kernels};
+use super::pack::{Packed, TILE};
 use super::sheets::Sheets;
 use super::sweep::TileColor;
 use super::tiles::{IN_FOCUS_PX, Tile};
+use crate::cpu::simd::Simd;
 use crate::picture::Size;
 use rayon::prelude::*;
-use std::borrow::Cow;
 
 /// A cell is a highlight when it is brighter than this many times its surroundings. A view of 512 then changes a
 /// pixel of the disc by one hundredth of the surroundings when it comes or goes.
@@ -35,139 +37,163 @@ fn light_channels(size: Size) -> usize {
     size.channels.min(3)
 }
 
-/// How bright each cell is.
-fn brightness(size: Size, color: &[f32]) -> Vec<f32> {
-    let n = size.pixels();
-    let mut sum = color[..n].to_vec();
-    for c in 1..light_channels(size) {
-        sum.par_iter_mut().zip(&color[c * n..][..n]).for_each(|(sum, v)| *sum += v);
-    }
-    sum
+/// How bright a colour is.
+fn brightness(color: &[f32; 4], lights: usize) -> f32 {
+    color[..lights].iter().sum()
 }
 
-/// Cells of a block that count as surroundings.
+/// The light of some cells.
 #[derive(Clone, Copy, Default)]
-struct Count {
-    sum: f32,
+struct Light {
+    sum: [f32; 4],
     cells: f32,
 }
 
-/// Brightness around each block: first of all cells, then of those not much brighter than that.
+impl Light {
+    fn add(&mut self, other: &Light) {
+        self.sum.iter_mut().zip(other.sum).for_each(|(sum, v)| *sum += v);
+        self.cells += other.cells;
+    }
+
+    fn mean(&self) -> [f32; 4] {
+        self.sum.map(|sum| sum / self.cells.max(1.0))
+    }
+}
+
+/// The light of every block of the frame, for telling what stands out.
 struct Surroundings {
+    size: Size,
     across: usize,
     down: usize,
-    mean: Vec<f32>,
+    /// Light of the cells that are no highlights.
+    light: Vec<Light>,
+    /// The brightest cell.
+    brightest: Vec<f32>,
+    /// What is brighter than this is a highlight.
+    limit: Vec<f32>,
 }
 
 impl Surroundings {
-    fn new(size: Size, bright: &[f32]) -> Surroundings {
+    /// The surroundings of a sheet's cells: first of all cells, then of those not much brighter than that.
+    fn new(size: Size, colors: &Colors, simd: Simd) -> Surroundings {
         let (across, down) = (size.width.div_ceil(BLOCK), size.height.div_ceil(BLOCK));
-        let all = Surroundings { across, down, mean: vec![f32::INFINITY; across * down] };
-        all.refined(size, bright).refined(size, bright)
+        let lights = light_channels(size);
+        let block_row = |scratch: &mut Vec<f32>, by: usize| {
+            let mut blocks = vec![(Light::default(), f32::NEG_INFINITY); across];
+            scratch.resize(size.width * size.channels, 0.0);
+            for y in by * BLOCK..(by * BLOCK + BLOCK).min(size.height) {
+                colors.copy_row(y, 0..size.width, scratch);
+                simd.run(|| add_row(scratch, size.width, lights, &mut blocks));
+            }
+            blocks
+        };
+        let rows: Vec<_> = (0..down).into_par_iter().map_init(Vec::new, block_row).collect();
+        let (light, brightest) = rows.into_iter().flatten().unzip();
+        let mut all = Surroundings { size, across, down, light, brightest, limit: Vec::new() };
+        all.limit = all.limits();
+        let dim = |b: usize| {
+            if all.brightest[b] <= all.limit[b] {
+                return all.light[b];
+            }
+            let mut light = Light::default();
+            let colors = all.cells(b).map(|i| colors.at(i));
+            for color in colors.filter(|color| brightness(color, lights) <= all.limit[b]) {
+                light.add(&Light { sum: color, cells: 1.0 });
+            }
+            light
+        };
+        all.light = (0..across * down).into_par_iter().map(dim).collect();
+        all.limit = all.limits();
+        all
     }
 
-    /// What is brighter than this is a highlight of the block.
-    fn limit(&self, block: usize) -> f32 {
-        BRIGHTER * self.mean[block]
-    }
-
-    /// The blocks around a block, itself among them.
-    fn around(&self, b: usize) -> impl Iterator<Item = usize> + '_ {
+    /// The mean colour of the blocks around a block, itself among them.
+    fn around(&self, b: usize) -> [f32; 4] {
         let (bx, by) = (b % self.across, b / self.across);
         let columns = bx.saturating_sub(AROUND)..(bx + AROUND + 1).min(self.across);
-        let rows = by.saturating_sub(AROUND)..(by + AROUND + 1).min(self.down);
-        rows.flat_map(move |y| columns.clone().map(move |x| y * self.across + x))
-    }
-
-    /// The indices of a block's cells, row by row.
-    fn cells(&self, size: Size, b: usize) -> impl Iterator<Item = std::ops::Range<usize>> {
-        let (x0, y0) = (b % self.across * BLOCK, b / self.across * BLOCK);
-        let x1 = (x0 + BLOCK).min(size.width);
-        (y0..(y0 + BLOCK).min(size.height)).map(move |y| y * size.width + x0..y * size.width + x1)
-    }
-
-    /// The means of the cells that are no highlights against `self`.
-    fn refined(&self, size: Size, bright: &[f32]) -> Surroundings {
-        let count = |b: usize| {
-            let limit = self.limit(b);
-            let mut count = Count::default();
-            for &v in self.cells(size, b).flat_map(|row| &bright[row]) {
-                let counts = f32::from(v <= limit);
-                count.sum += if v <= limit { v } else { 0.0 };
-                count.cells += counts;
-            }
-            count
-        };
-        let counts: Vec<Count> = (0..self.mean.len()).into_par_iter().map(count).collect();
-        let mean = |b: usize| {
-            let (sum, cells) =
-                self.around(b).fold((0.0, 0.0f32), |(s, n), q| (s + counts[q].sum, n + counts[q].cells));
-            sum / cells.max(1.0)
-        };
-        Surroundings { mean: (0..self.mean.len()).into_par_iter().map(mean).collect(), ..*self }
-    }
-
-    /// Mean colour of what is no highlight around a block.
-    fn color(&self, size: Size, color: &[f32], bright: &[f32], b: usize) -> [f32; 4] {
-        let (mut sum, mut cells) = ([0.0f32; 4], 0.0f32);
-        for i in self.around(b).flat_map(|q| self.cells(size, q)).flatten() {
-            if bright[i] <= self.limit(b) {
-                cells += 1.0;
-                for c in 0..light_channels(size) {
-                    sum[c] += color[c * size.pixels() + i];
-                }
-            }
+        let mut light = Light::default();
+        for y in by.saturating_sub(AROUND)..(by + AROUND + 1).min(self.down) {
+            columns.clone().for_each(|x| light.add(&self.light[y * self.across + x]));
         }
-        sum.map(|s| (s / cells.max(1.0)).max(0.0))
+        light.mean()
+    }
+
+    /// The limits that follow from the light at hand.
+    fn limits(&self) -> Vec<f32> {
+        let limit = |b: usize| BRIGHTER * brightness(&self.around(b), light_channels(self.size));
+        (0..self.light.len()).into_par_iter().map(limit).collect()
+    }
+
+    /// The block of a cell.
+    fn block_of(&self, index: usize) -> usize {
+        index / self.size.width / BLOCK * self.across + index % self.size.width / BLOCK
+    }
+
+    /// The cells of a block.
+    fn cells(&self, b: usize) -> impl Iterator<Item = usize> + use<> {
+        let (x0, y0, width) = (b % self.across * BLOCK, b / self.across * BLOCK, self.size.width);
+        let x1 = (x0 + BLOCK).min(width);
+        (y0..(y0 + BLOCK).min(self.size.height)).flat_map(move |y| y * width + x0..y * width + x1)
+    }
+}
+
+/// Adds a row of the frame, all channels one after another, to the blocks that it crosses.
+#[inline(always)]
+fn add_row(row: &[f32], width: usize, lights: usize, blocks: &mut [(Light, f32)]) {
+    for (bx, (light, brightest)) in blocks.iter_mut().enumerate() {
+        let columns = bx * BLOCK..(bx * BLOCK + BLOCK).min(width);
+        light.cells += columns.len() as f32;
+        let mut bright = [0.0f32; BLOCK];
+        for c in 0..lights {
+            let mut sum = 0.0;
+            for (bright, v) in bright.iter_mut().zip(&row[c * width..][columns.clone()]) {
+                *bright += v;
+                sum += v;
+            }
+            light.sum[c] += sum;
+        }
+        *brightest = bright[..columns.len()].iter().fold(*brightest, |m, &v| if v > m { v } else { m });
     }
 }
 
 /// Takes all highlights out of the sheets' colours.
-pub fn extract(sheets: &Sheets, color: &mut [Cow<[f32]>], packed: &Packed, s_focus: f64) -> Vec<Highlight> {
-    let (size, n) = (sheets.size, sheets.size.pixels());
+pub fn extract(
+    sheets: &Sheets,
+    colors: &mut [Colors],
+    packed: &Packed,
+    s_focus: f64,
+    simd: Simd,
+) -> Vec<Highlight> {
+    let size = sheets.size;
     let lights = light_channels(size);
-    let front = &sheets.sheets[0].color;
-    let front_bright = brightness(size, front);
-    let surroundings = Surroundings::new(size, &front_bright);
+    let front = Surroundings::new(size, &sheets.sheets[0].colors, simd);
     let mut highlights = Vec::new();
-    for (i, (sheet, color)) in sheets.sheets.iter().zip(color).enumerate() {
-        let own;
-        let bright = if i == 0 {
-            &front_bright
-        } else {
-            own = brightness(size, &sheet.color);
-            &own
-        };
-        let is_highlight = |i: usize, limit: f32| {
+    for (i, (sheet, colors)) in sheets.sheets.iter().zip(colors).enumerate() {
+        let stands_out = |&index: &usize| {
+            let bright = brightness(&sheet.colors.at(index), lights);
             // An empty cell has a shift of NaN, which compares false.
-            bright[i] > limit && (f64::from(sheet.s[i]) - s_focus).abs() > IN_FOCUS_PX
+            bright > front.limit[front.block_of(index)]
+                && (f64::from(sheet.s[index]) - s_focus).abs() > IN_FOCUS_PX
         };
-        let found: Vec<(usize, [f32; 4])> = (0..surroundings.mean.len())
-            .into_par_iter()
-            .flat_map_iter(|b| {
-                let limit = surroundings.limit(b);
-                let cells = surroundings.cells(size, b).flatten();
-                let found: Vec<usize> = cells.filter(|&i| is_highlight(i, limit)).collect();
-                let around = match found.is_empty() {
-                    true => [0.0; 4],
-                    false => surroundings.color(size, front, &front_bright, b),
-                };
-                let excess = move |i: usize| -> [f32; 4] {
-                    std::array::from_fn(|c| {
-                        if c < lights { (sheet.color[c * n + i] - around[c]).max(0.0) } else { 0.0 }
-                    })
-                };
-                found.into_iter().map(move |i| (i, excess(i)))
-            })
-            .collect();
-        if found.is_empty() {
-            continue;
-        }
-        let color = color.to_mut();
-        for (index, excess) in found {
-            for c in 0..lights {
-                color[c * n + index] -= excess[c];
-            }
+        let found: Vec<usize> = if sheet.colors.is_list() {
+            let cells = sheet.colors.own(0..size.pixels()).par_iter().map(|cell| cell.index);
+            cells.filter(stands_out).collect()
+        } else {
+            let own = (i > 0).then(|| Surroundings::new(size, &sheet.colors, simd));
+            let brightest = &own.as_ref().unwrap_or(&front).brightest;
+            let blocks = (0..brightest.len()).into_par_iter().filter(|&b| brightest[b] > front.limit[b]);
+            blocks.flat_map_iter(|b| front.cells(b)).filter(stands_out).collect()
+        };
+        let mut dimmed = Vec::with_capacity(found.len());
+        for index in found {
+            let (color, around) = (sheet.colors.at(index), front.around(front.block_of(index)));
+            let excess: [f32; 4] =
+                std::array::from_fn(
+                    |c| {
+                        if c < lights { (color[c] - around[c].max(0.0)).max(0.0) } else { 0.0 }
+                    },
+                );
+            dimmed.push(Own { index, color: std::array::from_fn(|c| color[c] - excess[c]) });
             let area = match sheet.partial.binary_search_by_key(&index, |p| p.0) {
                 Ok(i) => sheet.partial[i].1.area,
                 Err(_) => 1.0,
@@ -182,6 +208,7 @@ pub fn extract(sheets: &Sheets, color: &mut [Cow<[f32]>], packed: &Packed, s_foc
                 hidden_in_part: false,
             }));
         }
+        *colors = colors.with(dimmed);
     }
     highlights.par_iter_mut().for_each(|h| h.hidden_in_part = h.may_be_hidden(packed, s_focus));
     highlights
@@ -235,8 +262,8 @@ impl Highlight {
         let cell = self.y as usize * packed.padding.stride + self.x as usize;
         let own = packed.codes.encode((self.t + s_focus) as f32);
         packed.sheets.iter().any(|sheet| {
-            let (lo, hi) = (sheet.lo[cell], sheet.hi[cell]);
-            lo <= hi && lo > own && f64::from(lo - own) * packed.codes.step() <= within
+            let lo = sheet.lo[cell];
+            lo > own && f64::from(lo - own) * packed.codes.step() <= within
         })
     }
 
@@ -270,7 +297,7 @@ impl Highlight {
             let (from, to) = (code(f64::from(k) - 0.5), code(f64::from(k) + 0.5));
             packed.sheets.iter().any(|sheet| {
                 let (lo, hi) = (sheet.lo[cell], sheet.hi[cell]);
-                lo <= hi && hi >= from && lo < to && {
+                hi >= from && lo < to && {
                     // Where the ray passes this cell, from its centre: on the line through the highlight.
                     let t_cell = packed.codes.decode(f64::from(lo)) - s_focus - self.t;
                     let at = [l[0] * t_cell - dx.round(), l[1] * t_cell - dy.round()];
@@ -292,7 +319,7 @@ impl Highlight {
         let pad = packed.padding.pad as i32;
         // The highlight in the tile's coordinates; a pixel p sees it at the offset q - p of the kernel.
         let (qx, qy) = (self.x - pad - origin.0 as i32, self.y - pad - origin.1 as i32);
-        let kernel = kernels.get(self.t);
+        let kernel = kernels.get(kernels::key(self.t));
         for row in &kernel.rows {
             let y = qy - row.dy;
             if !(0..TILE.1 as i32).contains(&y) {

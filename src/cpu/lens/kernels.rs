@@ -10,11 +10,17 @@ const SMALL_PX: f64 = 4.0;
 const FINE: f64 = 64.0;
 const COARSE: f64 = 16.0;
 
-/// The radius step that shift `t` falls to.
-pub fn key(t: f64) -> i32 {
+/// Where shift `t` lies between the radius steps.
+#[inline(always)]
+pub fn position(t: f64) -> f64 {
     let r = t.abs();
     let steps = if r < SMALL_PX { r * FINE } else { SMALL_PX * FINE + (r - SMALL_PX) * COARSE };
-    steps.round().copysign(t) as i32
+    steps.copysign(t)
+}
+
+/// The radius step that shift `t` falls to.
+pub fn key(t: f64) -> i32 {
+    position(t).round() as i32
 }
 
 /// The shift that a step stands for.
@@ -39,9 +45,9 @@ impl Kernels {
         Kernels { keys, kernels }
     }
 
-    /// The kernel for shift `t`, whose step must have been asked for.
-    pub fn get(&self, t: f64) -> &Kernel {
-        &self.kernels[self.keys.partition_point(|&k| k < key(t))]
+    /// The kernel of a step, which must have been asked for.
+    pub fn get(&self, key: i32) -> &Kernel {
+        &self.kernels[self.keys.partition_point(|&k| k < key)]
     }
 }
 

@@ -3,14 +3,17 @@
 //! [`sheets`] takes the picture apart into cells (what is in front, what is behind, what is hidden), [`pack`] lays
 //! them out for one focus, [`tiles`] plans, and each tile is a copy, an exact [`disc`], or a [`sweep`].
 
+mod blocks;
+mod cells;
+mod colors;
 mod disc;
 mod fill;
 mod footprint;
 mod highlights;
 mod kernels;
+mod lanes;
 mod pack;
 mod sheets;
-mod simd;
 mod surfaces;
 mod sweep;
 mod tiles;
@@ -20,19 +23,21 @@ pub use sheets::Sheets;
 
 use crate::aperture::Aperture;
 use crate::cancel::Cancel;
+use crate::cpu::rows::with_channels;
 use crate::cpu::simd::Simd;
 use crate::error::{Result, value_error};
+use crate::memory;
 use crate::optics::Optics;
 use crate::picture::Picture;
 use crate::views;
+use colors::Colors;
 use footprint::Footprint;
 use highlights::Highlights;
 use kernels::Kernels;
-use pack::{Packed, TILE};
+use pack::{Packed, Padding, TILE};
 use rayon::prelude::*;
-use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
-use sweep::{Missed, Segments, TileColor};
+use sweep::{Missed, Segments, Start, TileColor};
 use tiles::{Tile, Work};
 
 /// The largest circle of confusion that is rendered.
@@ -61,9 +66,9 @@ pub fn check_radius(picture: &Picture, optics: &Optics) -> Result<()> {
 }
 
 /// Takes a picture apart for lenses of this strength; see [`Sheets`].
-pub fn prepare(picture: &Picture, optics: &Optics) -> Result<Sheets> {
+pub fn prepare(picture: &Picture, optics: &Optics, simd: Simd, cancel: &Cancel) -> Result<Sheets> {
     check_radius(picture, optics)?;
-    Ok(sheets::build(picture, optics.k))
+    sheets::build(picture, optics.k, simd, cancel)
 }
 
 /// The picture through a lens, interleaved. One pixel of the output will average `supersample` of the picture along
@@ -79,78 +84,85 @@ pub fn render(
 ) -> Result<Vec<f32>> {
     let size = picture.size;
     let s_focus = optics.k * optics.d_focus;
-    let mut out = vec![0.0f32; size.pixels() * size.channels];
+    let mut out = memory::zeros(size.pixels() * size.channels);
     cancel.check()?;
     let count_views =
         |radius_px: f64| settings.views.unwrap_or_else(|| views::count_for(radius_px / supersample as f64));
     let area = settings.aperture.relative_area();
-    let mut packed = Packed::new(sheets, s_focus);
+    let reach = (sheets.shifts.0 - s_focus).abs().max((sheets.shifts.1 - s_focus).abs());
+    let padding = Padding::new(size.width, size.height, reach);
+    let blocks = sheets.blocks.padded(&padding);
+    let frame = tiles::Frame { padding: &padding, codes: &sheets.codes, blocks: &blocks, s_focus };
+    let tiles = tiles::plan(&frame, count_views);
+    let needed = tiles::needed(&padding, &blocks, &tiles);
     cancel.check()?;
-    let tiles = tiles::plan(&packed, s_focus, count_views);
+    let mut packed = Packed::new(sheets, padding, blocks, reach, &needed);
+    cancel.check()?;
     let view_sets = view_sets(&tiles, &settings.aperture);
 
-    let mut color: Vec<Cow<[f32]>> =
-        sheets.sheets.iter().map(|s| Cow::Borrowed(s.color.as_slice())).collect();
+    let mut colors: Vec<Colors> = sheets.sheets.iter().map(|sheet| sheet.colors.clone()).collect();
     let mut highlights = Vec::new();
-    if !view_sets.is_empty() {
-        highlights = highlights::extract(sheets, &mut color, &packed, s_focus);
-        let footprint = Footprint::new(packed.reach_px, |t| views::spacing_px(t, area, count_views(t)));
-        let mut drawn = color.clone();
-        for (sheet, color) in sheets.sheets.iter().zip(&mut drawn) {
-            footprint.widen(sheet, color, size, s_focus);
-        }
-        packed.set_colors(sheets, &drawn, &footprint, s_focus);
+    let highlights_are_out = !view_sets.is_empty();
+    if highlights_are_out {
+        highlights = highlights::extract(sheets, &mut colors, &packed, s_focus, simd);
+        cancel.check()?;
+        let footprint = Footprint::new(reach, |t| views::spacing_px(t, area, count_views(t)));
+        let drawn = sheets.sheets.iter().zip(&colors).map(|(sheet, colors)| {
+            footprint.widened(sheet, colors, size, s_focus).unwrap_or_else(|| colors.clone())
+        });
+        packed.set_colors(sheets, &drawn.collect::<Vec<_>>(), &footprint, s_focus, simd);
         cancel.check()?;
     }
     let highlights = Highlights::new(highlights, &packed, &tiles);
 
     let front = &sheets.sheets[0];
-    let gathered = tiles.par_iter().filter(|tile| tile.work == Work::Disc);
-    let mut keys = gathered.map(|tile| disc::keys(size, &front.s, s_focus, tile.origin)).reduce(
-        BTreeSet::new,
-        |mut a, b| {
-            a.extend(b);
-            a
-        },
-    );
+    let gathered = tiles.iter().filter(|tile| tile.work == Work::Disc);
+    let mut keys: BTreeSet<i32> =
+        gathered.flat_map(|tile| disc::steps(&front.s, size, s_focus, tile.origin)).collect();
     keys.extend(highlights.shifts().map(kernels::key));
     let kernels = Kernels::new(&settings.aperture, keys);
     let gather = disc::Gather {
         size,
-        color: &color[0],
+        colors: &colors[0],
         s: &front.s,
         s_focus,
         aperture: &settings.aperture,
         kernels: &kernels,
+        simd,
     };
 
     let missed = if sheets.opaque { Missed::Unknown } else { Missed::Nothing };
     let mut slots = tile_slots(&mut out, size.width, size.channels);
     slots.par_iter_mut().zip(&tiles).enumerate().try_for_each_init(
-        || (Segments::default(), TileColor::new(size.channels)),
-        |(segments, color), (i, (rows, tile))| {
+        || (Segments::default(), Around::default(), TileColor::new(size.channels)),
+        |(segments, around, color), (i, (rows, tile))| {
             cancel.check()?;
             match &tile.work {
                 Work::Copy => copy(picture, tile.origin, color),
-                Work::Disc => gather.tile(tile.origin, color),
+                Work::Disc if highlights_are_out => gather.tile(tile.origin, &mut around.dim, color),
+                Work::Disc => gather.tile(tile.origin, &mut around.any, color),
                 Work::Sweep { views, occupied } => {
-                    segments.trace(&packed, s_focus, &view_sets[views], occupied);
+                    let start = Start { packed: &packed, s_focus, origin: tile.origin, occupied };
+                    segments.trace(&start, &view_sets[views]);
                     sweep::sweep(simd, &packed, segments, tile.origin, missed, color);
                 }
             }
             highlights.draw(i, tile.origin, &packed, s_focus, &kernels, color);
             for (y, row) in rows.iter_mut().enumerate() {
-                for (x, pixel) in row.chunks_mut(size.channels).enumerate() {
-                    for (out, plane) in pixel.iter_mut().zip(&color.planes) {
-                        *out = plane[y * TILE.0 + x];
-                    }
-                }
+                with_channels!(size.channels, C => color.interleave::<C>(y, row));
             }
             Ok(())
         },
     )?;
     drop(slots);
     Ok(out)
+}
+
+/// What discs are gathered from, without highlights or with them.
+#[derive(Default)]
+struct Around {
+    dim: disc::Surroundings<f32>,
+    any: disc::Surroundings<f64>,
 }
 
 /// The views of every count that some tile needs.

@@ -3,9 +3,16 @@
 //! A cell has a place in depth, a pure colour and, where it covers its pixel in part, a half-plane. Sheets
 //! depend on the strength of the lens (`s = k d`) but not on its focus, so a focal stack shares them.
 
-use super::fill::{self, Hidden};
+use super::blocks::Blocks;
+use super::cells::{self, Codes, Depths};
+use super::colors::{Colors, Own};
+use super::fill;
 use super::surfaces;
 use super::unmix::{Frame, HalfPlane, Mixed, unmix};
+use crate::cancel::Cancel;
+use crate::cpu::simd::Simd;
+use crate::error::Result;
+use crate::memory;
 use crate::picture::{Layer, Picture, Size};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -14,32 +21,13 @@ use std::sync::Arc;
 pub struct Sheet {
     /// Shift of every cell relative to infinity, in pixels; NaN where there is none.
     pub s: Vec<f32>,
-    /// Colour of every cell, planar; zero where there is none.
-    pub color: Arc<Vec<f32>>,
+    /// Colour of every cell; zero where there is none.
+    pub colors: Colors,
     /// The cells that cover their pixel in part, by rising index.
     pub partial: Vec<(usize, HalfPlane)>,
     /// Steeper neighbours than [`surfaces::CONNECTED_PX`] that are one surface all the same; see
     /// [`surfaces::links`]. Empty for a sheet whose cells are no plain pixels.
     pub links: Vec<u8>,
-}
-
-impl Sheet {
-    fn empty(size: Size) -> Sheet {
-        Sheet {
-            s: vec![f32::NAN; size.pixels()],
-            color: Arc::new(vec![0.0; size.pixels() * size.channels]),
-            partial: Vec::new(),
-            links: Vec::new(),
-        }
-    }
-
-    fn set(&mut self, size: Size, index: usize, s: f32, color: [f32; 4]) {
-        self.s[index] = s;
-        let planes = Arc::make_mut(&mut self.color);
-        for c in 0..size.channels {
-            planes[c * size.pixels() + index] = color[c];
-        }
-    }
 }
 
 /// All sheets of a scene, front to back.
@@ -51,53 +39,77 @@ pub struct Sheets {
     /// Whether a ray that meets no cell has met something unknown (then the others speak for it) rather than
     /// nothing at all.
     pub opaque: bool,
+    /// Least and greatest shift of all cells, relative to infinity.
+    pub shifts: (f64, f64),
+    /// How depths are coded.
+    pub codes: Codes,
+    /// The depths of each sheet.
+    pub depths: Vec<Depths>,
+    /// What the blocks of the frame hold.
+    pub blocks: Blocks,
+}
+
+impl Sheets {
+    fn new(size: Size, sheets: Vec<Sheet>, opaque: bool, simd: Simd) -> Sheets {
+        let shifts = cells::shift_range(&sheets);
+        let codes = Codes::new(shifts);
+        let depths: Vec<_> =
+            (0..sheets.len()).map(|sheet| Depths::new(&sheets, size, sheet, &codes, simd)).collect();
+        let blocks = Blocks::new(size, &depths, &sheets[0].links, simd);
+        Sheets { size, sheets, opaque, shifts, codes, depths, blocks }
+    }
 }
 
 /// The sheets of a picture under a lens of strength `k` pixels per unit of disparity.
-pub fn build(picture: &Picture, k: f64) -> Sheets {
+pub fn build(picture: &Picture, k: f64, simd: Simd, cancel: &Cancel) -> Result<Sheets> {
     match picture.layers.as_slice() {
-        [layer] => from_one_layer(picture.size, layer, k),
-        layers => from_layers(picture.size, layers, k),
+        [layer] => from_one_layer(picture.size, layer, k, simd, cancel),
+        layers => from_layers(picture.size, layers, k, simd, cancel),
     }
 }
 
 fn scaled(disparity: &[f32], k: f64) -> Vec<f32> {
-    disparity.par_iter().map(|&d| (k * f64::from(d)) as f32).collect()
+    let mut s = memory::zeros(disparity.len());
+    s.par_iter_mut().zip(disparity).for_each(|(s, &d)| *s = (k * f64::from(d)) as f32);
+    s
 }
 
 /// One layer: edges are unmixed, and what lies hidden behind them is filled in.
 ///
 /// Coverage, if the picture has it, is one more channel: what is transparent is a surface at infinity that
 /// happens to have no colour.
-fn from_one_layer(size: Size, layer: &Layer, k: f64) -> Sheets {
-    let s = scaled(&layer.disparity, k);
+fn from_one_layer(size: Size, layer: &Layer, k: f64, simd: Simd, cancel: &Cancel) -> Result<Sheets> {
+    let mut s = scaled(&layer.disparity, k);
     let links = surfaces::links(&s, size.width, size.height);
+    let colors = Colors::new(size, Arc::clone(&layer.color));
     let frame = Frame { size, color: &layer.color, s: &s, links: &links };
-    let mixed = unmix(&frame);
+    let mixed = unmix(&frame, cancel)?;
     if mixed.is_empty() {
-        let front = Sheet { color: Arc::clone(&layer.color), s, partial: Vec::new(), links };
-        return Sheets { size, sheets: vec![front], opaque: true };
+        let front = Sheet { s, colors, partial: Vec::new(), links };
+        return Ok(Sheets::new(size, vec![front], true, simd));
     }
+    let partial = half_planes(&frame, &mixed);
+    let hidden = fill::hidden(&frame, &mixed, cancel)?;
 
-    let mut front =
-        Sheet { s: s.clone(), color: Arc::clone(&layer.color), partial: Vec::new(), links: Vec::new() };
-    let mut back = Sheet::empty(size);
-    for m in &mixed {
-        if m.coverage > 0.0 {
-            front.set(size, m.index, m.s_front, m.front);
-            back.set(size, m.index, m.s_back, m.back);
-        } else {
-            front.set(size, m.index, m.s_back, m.back);
-        }
-    }
-    front.partial = half_planes(&frame, &mixed);
+    // A mixed pixel has both surfaces; if it turns out to show the one behind alone, it is that one's.
+    let (both, behind): (Vec<Mixed>, Vec<Mixed>) = mixed.iter().partition(|m| m.coverage > 0.0);
+    let own = |index: usize, color: [f32; 4]| Own { index, color };
+    let front_colors = both.iter().map(|m| own(m.index, m.front));
+    let front_colors = front_colors.chain(behind.iter().map(|m| own(m.index, m.back))).collect();
+    let back_colors = both.iter().map(|m| own(m.index, m.back));
+    let back_colors = back_colors.chain(hidden.iter().map(|h| own(h.index, h.color))).collect();
 
-    let hidden = fill::hidden(&frame, &front.s, &back);
-    for Hidden { index, s, color } in hidden {
-        back.set(size, index, s, color);
-    }
-    front.links = links;
-    Sheets { size, sheets: vec![front, back], opaque: true }
+    both.iter().for_each(|m| s[m.index] = m.s_front);
+    behind.iter().for_each(|m| s[m.index] = m.s_back);
+    let mut back_s = memory::zeros(size.pixels());
+    back_s.par_iter_mut().for_each(|s| *s = f32::NAN);
+    both.iter().for_each(|m| back_s[m.index] = m.s_back);
+    hidden.iter().for_each(|h| back_s[h.index] = h.s);
+
+    let front = Sheet { s, colors: colors.with(front_colors), partial, links };
+    let colors = Colors::of_cells(size, back_colors);
+    let back = Sheet { s: back_s, colors, partial: Vec::new(), links: Vec::new() };
+    Ok(Sheets::new(size, vec![front, back], true, simd))
 }
 
 /// Half-planes of the pixels that are mixed in earnest.
@@ -126,12 +138,13 @@ fn half_planes(frame: &Frame, mixed: &[Mixed]) -> Vec<(usize, HalfPlane)> {
 }
 
 /// Real layers: coverage is alpha, colours are each surface's own, nothing is invented.
-fn from_layers(size: Size, layers: &[Layer], k: f64) -> Sheets {
+fn from_layers(size: Size, layers: &[Layer], k: f64, simd: Simd, cancel: &Cancel) -> Result<Sheets> {
     let n = size.pixels();
     let alpha = size.channels - 1;
     let sheets = layers
         .iter()
         .map(|layer| {
+            cancel.check()?;
             let coverage = &layer.color[alpha * n..];
             let mut s = scaled(&layer.disparity, k);
             let links = surfaces::links(&s, size.width, size.height);
@@ -142,11 +155,13 @@ fn from_layers(size: Size, layers: &[Layer], k: f64) -> Sheets {
                     *c = if a > 0.0 { *c / a } else { 0.0 };
                 }
             });
-            Sheet { s, color: Arc::new(color), partial: layer_half_planes(size, coverage), links }
+            let partial = layer_half_planes(size, coverage);
+            Ok(Sheet { s, colors: Colors::new(size, Arc::new(color)), partial, links })
         })
-        .collect();
+        .collect::<Result<Vec<_>>>()?;
     let covered = |i: usize| layers.iter().any(|l| l.color[alpha * n + i] >= 1.0);
-    Sheets { size, sheets, opaque: (0..n).into_par_iter().all(covered) }
+    let opaque = (0..n).into_par_iter().all(covered);
+    Ok(Sheets::new(size, sheets, opaque, simd))
 }
 
 fn layer_half_planes(size: Size, coverage: &[f32]) -> Vec<(usize, HalfPlane)> {

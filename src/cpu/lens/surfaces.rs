@@ -55,15 +55,28 @@ pub fn links(s: &[f32], width: usize, height: usize) -> Vec<u8> {
     links
 }
 
+/// Where two rows of shifts are farther apart than a step on one surface. Few are, so that whole groups are asked
+/// first.
+fn steps(a: &[f32], b: &[f32]) -> Vec<usize> {
+    const GROUP: usize = 32;
+    let far = |a: &f32, b: &f32| (b - a).abs() >= CONNECTED_PX;
+    let mut steps = Vec::new();
+    for (i, (a, b)) in a.chunks(GROUP).zip(b.chunks(GROUP)).enumerate() {
+        if a.iter().zip(b).fold(false, |any, (a, b)| any | far(a, b)) {
+            let here = a.iter().zip(b).enumerate().filter(|(_, (a, b))| far(a, b));
+            steps.extend(here.map(|(x, _)| i * GROUP + x));
+        }
+    }
+    steps
+}
+
 /// The links of row `y` that join no surface, as pixel and bit.
 fn broken_links(s: &[f32], width: usize, height: usize, y: usize) -> Vec<(usize, u8)> {
     let row = &s[y * width..][..width];
     let mut broken = Vec::new();
-    for x in 0..width - 1 {
-        // A missing `before` or `after` predicts a flat surface.
-        if (row[x + 1] - row[x]).abs() >= CONNECTED_PX
-            && !connected(row[x.saturating_sub(1)], row[x], row[x + 1], row[(x + 2).min(width - 1)])
-        {
+    // A missing `before` or `after` predicts a flat surface.
+    for x in steps(row, &row[1..]) {
+        if !connected(row[x.saturating_sub(1)], row[x], row[x + 1], row[(x + 2).min(width - 1)]) {
             broken.push((y * width + x, RIGHT));
         }
     }
@@ -71,9 +84,8 @@ fn broken_links(s: &[f32], width: usize, height: usize, y: usize) -> Vec<(usize,
         let below = &s[(y + 1) * width..][..width];
         let before = &s[y.saturating_sub(1) * width..][..width];
         let after = &s[(y + 2).min(height - 1) * width..][..width];
-        for x in 0..width {
-            if (below[x] - row[x]).abs() >= CONNECTED_PX && !connected(before[x], row[x], below[x], after[x])
-            {
+        for x in steps(row, below) {
+            if !connected(before[x], row[x], below[x], after[x]) {
                 broken.push((y * width + x, DOWN));
             }
         }
@@ -81,36 +93,62 @@ fn broken_links(s: &[f32], width: usize, height: usize, y: usize) -> Vec<(usize,
     broken
 }
 
-/// Chessboard distance in pixels to the nearest edge pixel, up to 255.
+/// The largest distance told apart by [`distance_to_edges`].
+const FAR_PX: u8 = 16;
+/// Rows whose distances are found together.
+const BAND: usize = 64;
+
+/// Chessboard distance in pixels to the nearest edge pixel, up to [`FAR_PX`].
 pub fn distance_to_edges(links: &[u8], width: usize) -> Vec<u8> {
-    let mut distance: Vec<u8> = links.iter().map(|l| if l & EDGE != 0 { 0 } else { u8::MAX }).collect();
     let rows = links.len() / width;
-    // Two sweeps, each carrying distances on from the row before and along the row.
-    let mut carry = |y: usize, from: Option<usize>, forward: bool| {
-        let mut row = vec![u8::MAX; width];
-        row.copy_from_slice(&distance[y * width..][..width]);
-        if let Some(from) = from {
-            let other = &distance[from * width..][..width];
-            for x in 0..width {
-                let near = other[x.saturating_sub(1)].min(other[x]).min(other[(x + 1).min(width - 1)]);
-                row[x] = row[x].min(near.saturating_add(1));
-            }
+    let mut distance = vec![FAR_PX; links.len()];
+    distance.par_chunks_mut(width * BAND).enumerate().for_each(|(band, out)| {
+        // Edges of the neighbouring bands count as far as distances are told apart.
+        let first = (band * BAND).saturating_sub(usize::from(FAR_PX));
+        let end = ((band + 1) * BAND + usize::from(FAR_PX)).min(rows);
+        let near = &links[first * width..end * width];
+        if near.iter().fold(0, |all, l| all | l) & EDGE == 0 {
+            return;
         }
-        let mut last = u8::MAX;
-        for i in 0..width {
-            let x = if forward { i } else { width - 1 - i };
-            last = row[x].min(last.saturating_add(1));
-            row[x] = last;
+        let mut d: Vec<u8> = near.iter().map(|l| if l & EDGE != 0 { 0 } else { FAR_PX }).collect();
+        // Two sweeps, each carrying distances on from the row before and along the row.
+        for y in 0..end - first {
+            let (before, row) = d.split_at_mut(y * width);
+            carry_over(before.rchunks(width).next(), &mut row[..width]);
+            let mut last = FAR_PX;
+            row[..width].iter_mut().for_each(|d| carry_on(&mut last, d));
         }
-        distance[y * width..][..width].copy_from_slice(&row);
-    };
-    for y in 0..rows {
-        carry(y, y.checked_sub(1), true);
-    }
-    for y in (0..rows).rev() {
-        carry(y, (y + 1 < rows).then_some(y + 1), false);
-    }
+        for y in (0..end - first).rev() {
+            let (row, after) = d[y * width..].split_at_mut(width);
+            carry_over(after.chunks(width).next(), row);
+            let mut last = FAR_PX;
+            row.iter_mut().rev().for_each(|d| carry_on(&mut last, d));
+        }
+        let own = (band * BAND - first) * width;
+        out.copy_from_slice(&d[own..own + out.len()]);
+    });
     distance
+}
+
+/// Distances as the row beside knows them.
+fn carry_over(beside: Option<&[u8]>, row: &mut [u8]) {
+    let Some(beside) = beside else { return };
+    let n = row.len();
+    for (d, near) in row.iter_mut().zip(beside) {
+        *d = (*d).min(near + 1);
+    }
+    for (d, near) in row[1..].iter_mut().zip(&beside[..n - 1]) {
+        *d = (*d).min(near + 1);
+    }
+    for (d, near) in row[..n - 1].iter_mut().zip(&beside[1..]) {
+        *d = (*d).min(near + 1);
+    }
+}
+
+/// A distance as the pixel before knows it.
+fn carry_on(last: &mut u8, d: &mut u8) {
+    *d = (*d).min(*last + 1);
+    *last = *d;
 }
 
 #[cfg(test)]

@@ -4,8 +4,10 @@
 //! offset. So a ray's way into the scene is a list of segments, near to far, each "look at the cells at this
 //! offset, take those whose depth lies in this interval": contiguous loads, no z-buffer, no gather.
 
-use super::pack::{Codes, Packed, TILE};
-use super::simd::{HalfPlaneRow, LANES, Lanes, Portable, Ray};
+use super::blocks::{BLOCK, DepthBits, any_bin};
+use super::cells::Codes;
+use super::lanes::{HalfPlaneRow, LANES, Lanes, Portable, Ray};
+use super::pack::{Packed, TILE};
 use crate::cpu::simd::Simd;
 use crate::views::View;
 
@@ -32,54 +34,55 @@ pub struct Segments {
     ends: Vec<u32>,
 }
 
-/// Runs of set bits in the union of all sheets' occupied depths, farthest first.
-fn runs(occupied: &[[u64; 4]]) -> Vec<(usize, usize)> {
+/// Runs of set bits, as `first .. end`.
+fn runs(occupied: &DepthBits) -> Vec<(usize, usize)> {
     let mut runs: Vec<(usize, usize)> = Vec::new();
-    for bin in 0..256 {
-        if occupied.iter().any(|bits| bits[bin / 64] >> (bin % 64) & 1 != 0) {
-            match runs.last_mut() {
-                Some(run) if run.1 == bin => run.1 = bin + 1,
-                _ => runs.push((bin, bin + 1)),
-            }
+    for bin in (0..256).filter(|bin| occupied[bin / 64] >> (bin % 64) & 1 != 0) {
+        match runs.last_mut() {
+            Some(run) if run.1 == bin => run.1 = bin + 1,
+            _ => runs.push((bin, bin + 1)),
         }
     }
     runs
 }
 
-/// Whether any of the bins `from ..= to` is set.
-fn any_bin(bits: &[u64; 4], from: usize, to: usize) -> bool {
-    (from / 64..=to / 64).any(|word| {
-        let first = from.saturating_sub(word * 64).min(63);
-        let last = (to - word * 64).min(63);
-        bits[word] & (u64::MAX << first) & (u64::MAX >> (63 - last)) != 0
-    })
+/// The tile that rays start from, and what they may meet.
+pub struct Start<'a> {
+    pub packed: &'a Packed,
+    pub s_focus: f64,
+    pub origin: (usize, usize),
+    /// The depths that occur anywhere within reach.
+    pub occupied: &'a DepthBits,
+}
+
+impl Start<'_> {
+    /// The depths of each sheet that occur where the tile lies when it is moved by `cell`.
+    fn depths_at(&self, cell: [f64; 2]) -> &[DepthBits] {
+        let (pad, blocks) = (self.packed.padding.pad as i64, &self.packed.blocks);
+        let block = |origin: usize, cell: f64| (origin as i64 + pad + cell as i64) as usize / BLOCK;
+        let b = block(self.origin.1, cell[1]) * blocks.across + block(self.origin.0, cell[0]);
+        &self.packed.windows[b * blocks.sheets..][..blocks.sheets]
+    }
 }
 
 impl Segments {
     /// Follows every view through the depths that occur, near to far.
-    pub fn trace(&mut self, packed: &Packed, s_focus: f64, views: &[View], occupied: &[[u64; 4]]) {
+    pub fn trace(&mut self, start: &Start, views: &[View]) {
         self.segments.clear();
         self.rays.clear();
         self.ends.clear();
-        let runs = runs(occupied);
+        let runs = runs(start.occupied);
         for view in views {
-            for &(first_bin, end_bin) in runs.iter().rev() {
-                self.trace_run(packed, s_focus, view, occupied, first_bin, end_bin);
+            for &run in runs.iter().rev() {
+                self.trace_run(start, view, run);
             }
             self.ends.push(self.segments.len() as u32);
         }
     }
 
     /// The segments of one view between two depths.
-    fn trace_run(
-        &mut self,
-        packed: &Packed,
-        s_focus: f64,
-        view: &View,
-        occupied: &[[u64; 4]],
-        first_bin: usize,
-        end_bin: usize,
-    ) {
+    fn trace_run(&mut self, start: &Start, view: &View, (first_bin, end_bin): (usize, usize)) {
+        let Start { packed, s_focus, .. } = *start;
         let codes: &Codes = &packed.codes;
         // The ray's place as a function of the code: start + lens t, with t linear in the code.
         let t_at_0 = codes.decode(0.0) - s_focus;
@@ -109,7 +112,7 @@ impl Segments {
                     ay: slope[1] as f32,
                     by: (base[1] - cell[1]) as f32,
                 };
-                for (sheet, bits) in occupied.iter().enumerate() {
+                for (sheet, bits) in start.depths_at(cell).iter().enumerate() {
                     if any_bin(bits, from >> 8, (to - 1) >> 8) {
                         let (from, to, sheet) = (from as u16, to as u16, sheet as u32);
                         self.segments.push(Segment { offset, from, to, sheet });
@@ -141,6 +144,16 @@ pub struct TileColor {
 impl TileColor {
     pub fn new(channels: usize) -> TileColor {
         TileColor { planes: vec![vec![0.0; TILE.0 * TILE.1]; channels] }
+    }
+
+    /// Writes row `y` out, as many pixels as there are.
+    pub fn interleave<const C: usize>(&self, y: usize, out: &mut [f32]) {
+        let rows: [&[f32]; C] = std::array::from_fn(|c| &self.planes[c][y * TILE.0..][..TILE.0]);
+        for (x, pixel) in out.chunks_exact_mut(C).enumerate() {
+            for c in 0..C {
+                pixel[c] = rows[c][x];
+            }
+        }
     }
 }
 
@@ -299,8 +312,8 @@ faces! {
 }
 #[cfg(target_arch = "x86_64")]
 faces! {
-    avx2, super::simd::Avx2, "avx2";
-    avx512, super::simd::Avx512, "avx512f,avx512bw";
+    avx2, super::lanes::Avx2, "avx2";
+    avx512, super::lanes::Avx512, "avx512f,avx512bw";
 }
 
 macro_rules! by_channels {
@@ -309,17 +322,16 @@ macro_rules! by_channels {
     };
 }
 
-impl Simd {
-    fn sweep(self, channels: usize) -> SweepFn {
-        let faces: [SweepFn; 4] = match self {
-            Simd::Portable => by_channels!(portable),
-            #[cfg(target_arch = "x86_64")]
-            Simd::Avx2 => by_channels!(avx2),
-            #[cfg(target_arch = "x86_64")]
-            Simd::Avx512 => by_channels!(avx512),
-        };
-        faces[channels - 1]
-    }
+/// The sweep for an instruction set and a number of channels.
+fn face(simd: Simd, channels: usize) -> SweepFn {
+    let faces: [SweepFn; 4] = match simd {
+        Simd::Portable => by_channels!(portable),
+        #[cfg(target_arch = "x86_64")]
+        Simd::Avx2 => by_channels!(avx2),
+        #[cfg(target_arch = "x86_64")]
+        Simd::Avx512 => by_channels!(avx512),
+    };
+    faces[channels - 1]
 }
 
 /// Sweeps the tile at `origin` over all views of `segments`.
@@ -331,7 +343,7 @@ pub fn sweep(
     missed: Missed,
     out: &mut TileColor,
 ) {
-    let sweep = simd.sweep(out.planes.len());
+    let sweep = face(simd, out.planes.len());
     // SAFETY: `Simd` values come from `available`, which detects the instructions; the padding is at least as wide
     // as the largest shift plus the half pixel of a ray's start, so that every segment stays inside.
     unsafe { sweep(packed, segments, origin, missed, out) }

@@ -1,6 +1,9 @@
 //! What each tile of the frame needs: a copy, an exact disc, or the full sweep over the lens.
 
-use super::pack::{BLOCK, Codes, Packed, TILE};
+use super::blocks::{BLOCK, Blocks, DepthBits};
+use super::cells::Codes;
+use super::pack::{Padding, TILE};
+use rayon::prelude::*;
 
 /// A disc up to this radius lies inside its own pixel.
 pub const IN_FOCUS_PX: f64 = 0.5;
@@ -18,8 +21,8 @@ pub enum Work {
     Sweep {
         /// How many views.
         views: usize,
-        /// For each sheet, the depths (high bytes of codes) that a ray of this tile may meet.
-        occupied: Vec<[u64; 4]>,
+        /// The depths that a ray of this tile may meet.
+        occupied: DepthBits,
     },
 }
 
@@ -35,7 +38,7 @@ pub struct Tile {
 }
 
 /// Depths, by high byte, whose discs reach at least `distance` pixels.
-fn reaching(codes: &Codes, s_focus: f64, distance: f64) -> [u64; 4] {
+fn reaching(codes: &Codes, s_focus: f64, distance: f64) -> DepthBits {
     let mut bits = [0u64; 4];
     for bin in 0..256usize {
         let shift = |code: usize| (codes.decode(code as f64) - s_focus).abs();
@@ -47,9 +50,32 @@ fn reaching(codes: &Codes, s_focus: f64, distance: f64) -> [u64; 4] {
     bits
 }
 
+/// What a plan is made for.
+pub struct Frame<'a> {
+    pub padding: &'a Padding,
+    pub codes: &'a Codes,
+    /// The blocks of the padded frame.
+    pub blocks: &'a Blocks,
+    pub s_focus: f64,
+}
+
+/// The padded blocks that come within `margin` pixels of the tile at `origin`.
+fn blocks_around(
+    padding: &Padding,
+    origin: (usize, usize),
+    margin: usize,
+) -> impl Iterator<Item = (usize, usize)> {
+    let range = |v: usize, side: usize, n: usize| {
+        let first = (v + padding.pad).saturating_sub(margin) / BLOCK;
+        first..((v + padding.pad + side + margin).div_ceil(BLOCK)).min(n / BLOCK)
+    };
+    let columns = range(origin.0, TILE.0, padding.stride);
+    range(origin.1, TILE.1, padding.rows).flat_map(move |by| columns.clone().map(move |bx| (bx, by)))
+}
+
 /// Plans every tile; `count_views` says how many views a largest disc of some radius needs.
-pub fn plan(packed: &Packed, s_focus: f64, count_views: impl Fn(f64) -> usize) -> Vec<Tile> {
-    let (padding, codes, blocks) = (&packed.padding, &packed.codes, &packed.blocks);
+pub fn plan(frame: &Frame, count_views: impl Fn(f64) -> usize + Sync) -> Vec<Tile> {
+    let Frame { padding, codes, blocks, s_focus } = *frame;
     let shift = |code: u16| codes.decode(f64::from(code)) - s_focus;
     let block_reach: Vec<f64> = blocks
         .range
@@ -57,39 +83,31 @@ pub fn plan(packed: &Packed, s_focus: f64, count_views: impl Fn(f64) -> usize) -
         .map(|&(lo, hi)| if lo > hi { 0.0 } else { shift(lo).abs().max(shift(hi).abs()) })
         .collect();
     let largest = block_reach.iter().copied().fold(0.0, f64::max);
-    let masks: Vec<[u64; 4]> =
+    let masks: Vec<DepthBits> =
         (0..=largest as usize + 3).map(|distance| reaching(codes, s_focus, distance as f64)).collect();
 
     let plan_tile = |origin: (usize, usize)| {
         let (x0, y0) = (origin.0 + padding.pad, origin.1 + padding.pad);
-        let (x1, y1) = ((x0 + TILE.0), (y0 + TILE.1));
-        let margin = largest as usize + 2;
-        let first = |v: usize| v.saturating_sub(margin) / BLOCK;
-        let across = first(x0)..((x1 + margin).div_ceil(BLOCK)).min(blocks.across);
-        let down = first(y0)..((y1 + margin).div_ceil(BLOCK)).min(padding.rows / BLOCK);
-
-        let mut occupied = vec![[0u64; 4]; packed.sheets.len()];
+        let (x1, y1) = (x0 + TILE.0, y0 + TILE.1);
+        let mut occupied = [0u64; 4];
         let (mut reach, mut steepest) = (0.0f64, Some(0u16));
-        for by in down {
-            for bx in across.clone() {
-                let b = by * blocks.across + bx;
-                let gap = |lo: usize, hi: usize, b: usize| {
-                    lo.saturating_sub((b + 1) * BLOCK - 1).max((b * BLOCK).saturating_sub(hi - 1)) as f64
-                };
-                let distance = gap(x0, x1, bx).hypot(gap(y0, y1, by));
-                if distance > block_reach[b] + 1.5 {
-                    continue;
-                }
-                let mask = &masks[(distance as usize).min(masks.len() - 1)];
-                for (sheet, occupied) in occupied.iter_mut().enumerate() {
-                    let bits = &blocks.occupied[b * packed.sheets.len() + sheet];
-                    for i in 0..4 {
-                        occupied[i] |= bits[i] & mask[i];
-                    }
-                }
-                reach = reach.max(block_reach[b]);
-                steepest = steepest.zip(blocks.smooth[b]).map(|(a, b)| a.max(b));
+        for (bx, by) in blocks_around(padding, origin, largest as usize + 2) {
+            let b = by * blocks.across + bx;
+            let gap = |lo: usize, hi: usize, b: usize| {
+                lo.saturating_sub((b + 1) * BLOCK - 1).max((b * BLOCK).saturating_sub(hi - 1)) as f64
+            };
+            let distance = gap(x0, x1, bx).hypot(gap(y0, y1, by));
+            if distance > block_reach[b] + 1.5 {
+                continue;
             }
+            let mask = &masks[(distance as usize).min(masks.len() - 1)];
+            for bits in &blocks.occupied[b * blocks.sheets..][..blocks.sheets] {
+                for i in 0..4 {
+                    occupied[i] |= bits[i] & mask[i];
+                }
+            }
+            reach = reach.max(block_reach[b]);
+            steepest = steepest.zip(blocks.smooth[b]).map(|(a, b)| a.max(b));
         }
         let work = if reach <= IN_FOCUS_PX {
             Work::Copy
@@ -105,5 +123,17 @@ pub fn plan(packed: &Packed, s_focus: f64, count_views: impl Fn(f64) -> usize) -
 
     let columns = (0..padding.width).step_by(TILE.0);
     let rows = (0..padding.height).step_by(TILE.1);
-    rows.flat_map(|y| columns.clone().map(move |x| (x, y))).map(plan_tile).collect()
+    let origins: Vec<_> = rows.flat_map(|y| columns.clone().map(move |x| (x, y))).collect();
+    origins.into_par_iter().map(plan_tile).collect()
+}
+
+/// Which padded blocks some sweep may read.
+pub fn needed(padding: &Padding, blocks: &Blocks, tiles: &[Tile]) -> Vec<bool> {
+    let mut needed = vec![false; blocks.across * blocks.down];
+    for tile in tiles.iter().filter(|tile| matches!(tile.work, Work::Sweep { .. })) {
+        for (bx, by) in blocks_around(padding, tile.origin, tile.reach_px.ceil() as usize + 2) {
+            needed[by * blocks.across + bx] = true;
+        }
+    }
+    needed
 }

@@ -4,6 +4,8 @@
 //! single disc; one such pixel on the rim of a bright lamp poisons its whole neighbourhood.
 
 use super::surfaces::{CONNECTED_PX, EDGE};
+use crate::cancel::Cancel;
+use crate::error::Result;
 use crate::picture::Size;
 use rayon::prelude::*;
 
@@ -14,6 +16,9 @@ const PURE: f32 = 0.01;
 /// How much of a mixed pixel's colour may stay unexplained by two pure ones, as a multiple of their variances and
 /// squared contrast.
 const UNEXPLAINED: f32 = 2.0;
+/// A pixel's depth is that of its centre: what is unexplained there is that surface's rather than the other's, in
+/// terms of variance.
+const SEEN_AT_CENTRE: f32 = 4.0;
 
 /// The frame as the preparation sees it.
 #[derive(Clone, Copy)]
@@ -161,9 +166,11 @@ fn unmix_pixel(frame: &Frame, x: usize, y: usize) -> Option<Mixed> {
         } else {
             // Something that neither pure colour shows, such as half a lamp: it belongs to the surface whose pixels
             // around, mixed ones too, vary the most.
+            let (own_front, own_back) =
+                if frame.s[index] > middle { (SEEN_AT_CENTRE, 1.0) } else { (1.0, SEEN_AT_CENTRE) };
             let varied = pixel.split(
-                spread(frame, x, y, s_front, front) + front_variance + floor,
-                spread(frame, x, y, s_back, back) + back_variance + floor,
+                own_front * (spread(frame, x, y, s_front, front) + front_variance + floor),
+                own_back * (spread(frame, x, y, s_back, back) + back_variance + floor),
             );
             (varied.coverage, varied.front, varied.back)
         };
@@ -238,13 +245,14 @@ impl Pixel {
 }
 
 /// All edge pixels that could be taken apart, in scan order.
-pub fn unmix(frame: &Frame) -> Vec<Mixed> {
-    let rows = (0..frame.size.height).into_par_iter();
-    rows.flat_map_iter(|y| {
-        let edges = (0..frame.size.width).filter(move |x| frame.links[y * frame.size.width + x] & EDGE != 0);
-        edges.filter_map(move |x| unmix_pixel(frame, x, y))
-    })
-    .collect()
+pub fn unmix(frame: &Frame, cancel: &Cancel) -> Result<Vec<Mixed>> {
+    let row = |y: usize| {
+        cancel.check()?;
+        let edges = (0..frame.size.width).filter(|x| frame.links[y * frame.size.width + x] & EDGE != 0);
+        Ok(edges.filter_map(|x| unmix_pixel(frame, x, y)).collect::<Vec<_>>())
+    };
+    let rows = (0..frame.size.height).into_par_iter().map(row).collect::<Result<Vec<_>>>()?;
+    Ok(rows.concat())
 }
 
 /// A partly covered pixel as a half-plane: `normal . f <= cut` holds for the part of the pixel (`f` from its
@@ -330,7 +338,7 @@ mod tests {
             .collect();
         let s: Vec<f32> = (0..w * h).map(|i| if i % w < 5 { 8.0 } else { 0.0 }).collect();
         let links = super::super::surfaces::links(&s, w, h);
-        let mixed = unmix(&Frame { size, color: &color, s: &s, links: &links });
+        let mixed = unmix(&Frame { size, color: &color, s: &s, links: &links }, &Cancel::default()).unwrap();
         for m in &mixed {
             let expected = match m.index % w {
                 5 => 0.3,

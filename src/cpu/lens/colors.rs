@@ -1,0 +1,118 @@
+//! The colour of a sheet's cells: planes as they came, and the few cells that differ from them.
+
+use crate::memory;
+use crate::picture::Size;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// A cell with a colour of its own.
+#[derive(Clone, Copy)]
+pub struct Own {
+    pub index: usize,
+    pub color: [f32; 4],
+}
+
+/// The colours of one sheet.
+#[derive(Clone)]
+pub struct Colors {
+    size: Size,
+    /// Planes of the frame; none where all cells are listed.
+    planes: Option<Arc<Vec<f32>>>,
+    /// The cells that differ, by rising index.
+    own: Vec<Own>,
+}
+
+impl Colors {
+    /// Colours as planes.
+    pub fn new(size: Size, planes: Arc<Vec<f32>>) -> Colors {
+        Colors { size, planes: Some(planes), own: Vec::new() }
+    }
+
+    /// Colours of these cells only, zero elsewhere.
+    pub fn of_cells(size: Size, own: Vec<Own>) -> Colors {
+        Colors { size, planes: None, own: Vec::new() }.with(own)
+    }
+
+    /// The same, but for these cells.
+    pub fn with(&self, mut changes: Vec<Own>) -> Colors {
+        changes.sort_unstable_by_key(|cell| cell.index);
+        let changed = |index: usize| changes.binary_search_by_key(&index, |cell| cell.index).is_ok();
+        let kept: Vec<Own> = self.own.iter().copied().filter(|cell| !changed(cell.index)).collect();
+        changes.extend(kept);
+        changes.sort_unstable_by_key(|cell| cell.index);
+        Colors { size: self.size, planes: self.planes.clone(), own: changes }
+    }
+
+    /// Whether only listed cells have a colour.
+    pub fn is_list(&self) -> bool {
+        self.planes.is_none()
+    }
+
+    /// The listed cells from one pixel to another.
+    pub fn own(&self, pixels: Range<usize>) -> &[Own] {
+        let place = |index: usize| self.own.partition_point(|cell| cell.index < index);
+        &self.own[place(pixels.start)..place(pixels.end)]
+    }
+
+    /// The colour of one cell.
+    pub fn at(&self, index: usize) -> [f32; 4] {
+        match (self.own.binary_search_by_key(&index, |cell| cell.index), &self.planes) {
+            (Ok(i), _) => self.own[i].color,
+            (Err(_), None) => [0.0; 4],
+            (Err(_), Some(planes)) => std::array::from_fn(|c| {
+                if c < self.size.channels { planes[c * self.size.pixels() + index] } else { 0.0 }
+            }),
+        }
+    }
+
+    /// Copies a stretch of row `y`, one piece of `out` a channel.
+    pub fn copy_row(&self, y: usize, columns: Range<usize>, out: &mut [f32]) {
+        let (start, n) = (y * self.size.width + columns.start, columns.len());
+        for (c, out) in out.chunks_exact_mut(n).enumerate() {
+            match &self.planes {
+                Some(planes) => out.copy_from_slice(&planes[c * self.size.pixels() + start..][..n]),
+                None => out.fill(0.0),
+            }
+        }
+        for cell in self.own(start..start + n) {
+            for c in 0..self.size.channels {
+                out[c * n + cell.index - start] = cell.color[c];
+            }
+        }
+    }
+
+    /// All colours as planes.
+    pub fn to_planes(&self) -> Vec<f32> {
+        let n = self.size.pixels();
+        let mut all = match &self.planes {
+            Some(planes) => Vec::clone(planes),
+            None => memory::zeros(n * self.size.channels),
+        };
+        for cell in &self.own {
+            for c in 0..self.size.channels {
+                all[c * n + cell.index] = cell.color[c];
+            }
+        }
+        all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn listed_cells_win_over_planes_and_later_ones_over_earlier() {
+        let size = Size { width: 3, height: 2, channels: 2 };
+        let planes = Arc::new((0..12).map(|v| v as f32).collect::<Vec<_>>());
+        let own = |index: usize, v: f32| Own { index, color: [v, -v, 0.0, 0.0] };
+        let colors =
+            Colors::new(size, planes).with(vec![own(4, 50.0), own(1, 20.0)]).with(vec![own(4, 60.0)]);
+        assert_eq!(colors.at(0), [0.0, 6.0, 0.0, 0.0]);
+        assert_eq!(colors.at(4), [60.0, -60.0, 0.0, 0.0]);
+        let mut row = [0.0; 4];
+        colors.copy_row(1, 1..3, &mut row);
+        assert_eq!(row, [60.0, 5.0, -60.0, 11.0]);
+        assert_eq!(colors.to_planes()[..6], [0.0, 20.0, 2.0, 3.0, 60.0, 5.0]);
+    }
+}
