@@ -5,7 +5,7 @@ import re
 import dofsim
 import numpy as np
 import pytest
-from dofsim._dofsim import simd_available
+from dofsim._dofsim import methods_available, simd_available
 
 # Each method with options that make it do all it can. A further method is a further line.
 METHODS = {
@@ -42,6 +42,10 @@ def depth():
 @pytest.fixture(scope="module")
 def color():
     return np.random.default_rng(1).random((HEIGHT, WIDTH, 3), dtype=np.float32)
+
+
+def test_every_method_is_tested_here():
+    assert methods_available() == list(OPTIONS) == ["lens", *METHODS]
 
 
 @pytest.mark.parametrize("method", METHODS)

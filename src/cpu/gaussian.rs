@@ -5,6 +5,7 @@ use super::rows::{interleave, render_bands, with_channels};
 use super::simd::{Simd, multiversion};
 use crate::cancel::Cancel;
 use crate::error::Result;
+use crate::memory;
 use crate::optics::Optics;
 use crate::picture::{Layer, Size};
 use crate::plan::gaussian::{Plan, REACH, Settings};
@@ -30,7 +31,7 @@ pub fn render(
     let input = Input { layer, size, half: (size.width.div_ceil(2), size.height.div_ceil(2)) };
     // Rows of the half-size copy, blurred along x: one line for each weighted colour and one for the weights.
     let length = input.half.0 * (size.channels + 1);
-    let mut across = vec![0.0f32; length * input.half.1];
+    let mut across: Vec<f32> = memory::zeros(length * input.half.1);
     across.par_chunks_mut(BAND * length).enumerate().try_for_each_init(
         || Halved::new(&input),
         |halved, (band, out)| {

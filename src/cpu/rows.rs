@@ -3,6 +3,7 @@
 use super::border::BLOCK;
 use crate::cancel::Cancel;
 use crate::error::Result;
+use crate::memory;
 use crate::picture::Size;
 use rayon::prelude::*;
 
@@ -19,7 +20,7 @@ pub fn render_bands<S>(
     band: impl Fn(&mut S, usize, &mut [f32]) + Sync + Send,
 ) -> Result<Vec<f32>> {
     let length = size.width * size.channels;
-    let mut out = vec![0.0f32; size.height * length];
+    let mut out = memory::zeros(size.height * length);
     out.par_chunks_mut(rows * length).enumerate().try_for_each_init(scratch, |scratch, (i, out)| {
         cancel.check()?;
         band(scratch, i * rows, out);

@@ -18,6 +18,12 @@ type Read = fn(&mut Options<'_, '_>) -> PyResult<Method>;
 const METHODS: [(&str, Read); 4] =
     [("lens", read_lens), ("poisson", read_poisson), ("gaussian", read_gaussian), ("taps", read_taps)];
 
+/// Names of the methods that `render` takes.
+#[pyfunction]
+pub fn methods_available() -> Vec<&'static str> {
+    METHODS.iter().map(|(name, _)| *name).collect()
+}
+
 /// The method of this name with these options, none of which may be left over.
 pub fn read_method(
     name: &str,
