@@ -71,6 +71,12 @@ fn mix(a: f32, b: f32, fraction: f32) -> f32 {
     a + fraction * (b - a)
 }
 
+/// Between four neighbours, two above and two below.
+#[inline(always)]
+fn bilinear(a: f32, b: f32, c: f32, d: f32, right: f32, down: f32) -> f32 {
+    mix(mix(a, b, right), mix(c, d, right), down)
+}
+
 /// A place as whole pixels and the fraction beyond them.
 #[inline(always)]
 fn split(x: f32) -> (i32, f32) {
@@ -80,80 +86,94 @@ fn split(x: f32) -> (i32, f32) {
 }
 
 /// Where one tap reads for each pixel of a block.
-trait Places {
-    /// The places of a tap for pixels from index `at` on, whose pattern is scaled by `scale_px`.
-    fn new(tap: &Tap, scale_px: &[f32; BLOCK], at: usize, stride: usize) -> Self;
-    /// Bilinear look-ups at them.
-    fn read(&self, plane: &[f32], stride: usize) -> [f32; BLOCK];
-}
-
-/// The same place relative to every pixel, since all have one circle of confusion.
-struct Shared {
-    /// The upper left of the four neighbours of the first pixel's place.
-    first: usize,
-    right: f32,
-    down: f32,
-}
-
-impl Places for Shared {
-    #[inline(always)]
-    fn new(tap: &Tap, scale_px: &[f32; BLOCK], at: usize, stride: usize) -> Shared {
-        let ((left, right), (top, down)) = (split(tap.x * scale_px[0]), split(tap.y * scale_px[0]));
-        let first = at.wrapping_add_signed(top as isize * stride as isize + left as isize);
-        Shared { first, right, down }
-    }
-
-    #[inline(always)]
-    fn read(&self, plane: &[f32], stride: usize) -> [f32; BLOCK] {
-        let mut out = [0.0; BLOCK];
-        let (a, b) = (block(plane, self.first), block(plane, self.first + 1));
-        let (c, d) = (block(plane, self.first + stride), block(plane, self.first + stride + 1));
-        for i in 0..BLOCK {
-            out[i] = mix(mix(a[i], b[i], self.right), mix(c[i], d[i], self.right), self.down);
-        }
-        out
-    }
-}
-
-/// A place of each pixel's own.
-struct Own {
-    /// The upper left of the four neighbours of each place.
-    first: [i32; BLOCK],
+struct Places {
+    /// The upper left of the four neighbours of each place, relative to the pixel.
+    offset: [i32; BLOCK],
+    /// How far each place lies beyond it.
     right: [f32; BLOCK],
     down: [f32; BLOCK],
+    /// The offsets that occur, if they are few: most blocks are so smooth that a tap has the same neighbours all along.
+    few: Option<Few>,
 }
 
-impl Places for Own {
+impl Places {
+    /// The places of a tap where the pattern is scaled by `scale_px`.
     #[inline(always)]
-    fn new(tap: &Tap, scale_px: &[f32; BLOCK], at: usize, stride: usize) -> Own {
-        let mut places = Own { first: [0; BLOCK], right: [0.0; BLOCK], down: [0.0; BLOCK] };
+    fn new(tap: &Tap, scale_px: &[f32; BLOCK], stride: usize) -> Places {
+        let (mut offset, mut right, mut down) = ([0; BLOCK], [0.0; BLOCK], [0.0; BLOCK]);
         for i in 0..BLOCK {
-            let ((left, right), (top, down)) = (split(tap.x * scale_px[i]), split(tap.y * scale_px[i]));
-            places.first[i] = at as i32 + i as i32 + top * stride as i32 + left;
-            places.right[i] = right;
-            places.down[i] = down;
+            let (column, row);
+            (column, right[i]) = split(tap.x * scale_px[i]);
+            (row, down[i]) = split(tap.y * scale_px[i]);
+            offset[i] = row * stride as i32 + column;
         }
-        places
+        Places { few: Few::of(&offset), offset, right, down }
     }
 
+    /// Bilinear look-ups of a block from index `at` on.
     #[inline(always)]
-    fn read(&self, plane: &[f32], stride: usize) -> [f32; BLOCK] {
+    fn read(&self, plane: &[f32], at: usize, stride: usize) -> [f32; BLOCK] {
         let mut out = [0.0; BLOCK];
-        for i in 0..BLOCK {
-            // SAFETY: taps lie within one radius, and the radius is limited to two pixels less than the margin that
-            // the window has around every block, so that a place's four neighbours lie inside the plane.
-            let pixel = |step: usize| unsafe { *plane.as_ptr().add(step).offset(self.first[i] as isize) };
-            let above = mix(pixel(0), pixel(1), self.right[i]);
-            let below = mix(pixel(stride), pixel(stride + 1), self.right[i]);
-            out[i] = mix(above, below, self.down[i]);
+        match &self.few {
+            Some(few) => {
+                for &offset in &few.found[..few.count] {
+                    let first = at.wrapping_add_signed(offset as isize);
+                    let (a, b) = (block(plane, first), block(plane, first + 1));
+                    let (c, d) = (block(plane, first + stride), block(plane, first + stride + 1));
+                    for i in 0..BLOCK {
+                        let v = bilinear(a[i], b[i], c[i], d[i], self.right[i], self.down[i]);
+                        out[i] = if self.offset[i] == offset { v } else { out[i] };
+                    }
+                }
+            }
+            None => {
+                for i in 0..BLOCK {
+                    let first = (at + i).wrapping_add_signed(self.offset[i] as isize);
+                    // Two slices, so that only they are checked and not each of the four.
+                    let (above, below) =
+                        (&plane[first..first + 2], &plane[first + stride..first + stride + 2]);
+                    out[i] = bilinear(above[0], above[1], below[0], below[1], self.right[i], self.down[i]);
+                }
+            }
         }
         out
+    }
+}
+
+/// A few different offsets.
+struct Few {
+    found: [i32; Few::MOST],
+    count: usize,
+}
+
+impl Few {
+    /// For more than these, reading every pixel by itself costs less.
+    const MOST: usize = 6;
+
+    /// The values in a block from the least on.
+    #[inline(always)]
+    fn of(block: &[i32; BLOCK]) -> Option<Few> {
+        let mut few = Few { found: [i32::MAX; Few::MOST], count: 0 };
+        let mut last = i32::MIN;
+        loop {
+            // The least of those beyond the last one.
+            let mut next = i32::MAX;
+            for &v in block {
+                next = next.min(if v > last { v } else { i32::MAX });
+            }
+            if next == i32::MAX {
+                return Some(few);
+            }
+            *few.found.get_mut(few.count)? = next;
+            few.count += 1;
+            last = next;
+        }
     }
 }
 
 /// The average over all taps for a block from index `at` on.
 #[inline(always)]
-fn average<const C: usize, P: Places>(
+fn average<const C: usize>(
     plan: &Plan,
     window: &Window,
     at: usize,
@@ -161,13 +181,14 @@ fn average<const C: usize, P: Places>(
 ) -> [[f32; BLOCK]; C] {
     let disparity = block(window.plane(C), at);
     let mut total = [plan.centre; BLOCK];
+    let centre: [[f32; BLOCK]; C] = blocks(window, at);
     let mut moved = [[0.0f32; BLOCK]; C];
     for tap in &plan.taps {
-        let places = P::new(tap, scale_px, at, window.stride);
+        let places = Places::new(tap, scale_px, window.stride);
         let mut counts = [tap.weight; BLOCK];
         if plan.leak_test == LeakTest::On {
-            let tap_disparity = places.read(window.plane(C), window.stride);
-            let tap_blurriness = places.read(window.plane(C + 1), window.stride);
+            let tap_disparity = places.read(window.plane(C), at, window.stride);
+            let tap_blurriness = places.read(window.plane(C + 1), at, window.stride);
             for i in 0..BLOCK {
                 counts[i] *= contribution(disparity[i], tap_disparity[i], tap_blurriness[i]);
             }
@@ -176,17 +197,16 @@ fn average<const C: usize, P: Places>(
             total[i] += counts[i];
         }
         for c in 0..C {
-            let (centre, color) = (block(window.plane(c), at), places.read(window.plane(c), window.stride));
+            let color = places.read(window.plane(c), at, window.stride);
             for i in 0..BLOCK {
-                moved[c][i] += counts[i] * (color[i] - centre[i]);
+                moved[c][i] += counts[i] * (color[i] - centre[c][i]);
             }
         }
     }
     for c in 0..C {
-        let centre = block(window.plane(c), at);
         for i in 0..BLOCK {
             // Where nothing counts at all the pixel keeps its colour.
-            moved[c][i] = centre[i] + moved[c][i] / total[i].max(f32::MIN_POSITIVE);
+            moved[c][i] = centre[c][i] + moved[c][i] / total[i].max(f32::MIN_POSITIVE);
         }
     }
     moved
@@ -202,32 +222,9 @@ fn scales_px(plan: &Plan, disparity: &[f32; BLOCK]) -> [f32; BLOCK] {
     out
 }
 
-/// The different values in a block, if they are few: for so many, a shared place each costs less than own places.
-struct Values {
-    found: [f32; 4],
-    count: usize,
-}
-
-impl Values {
-    #[inline(always)]
-    fn of(block: &[f32; BLOCK]) -> Option<Values> {
-        let mut values = Values { found: [block[0]; 4], count: 1 };
-        if *block == [block[0]; BLOCK] {
-            return Some(values);
-        }
-        for v in block {
-            if !values.found[..values.count].contains(v) {
-                *values.found.get_mut(values.count)? = *v;
-                values.count += 1;
-            }
-        }
-        Some(values)
-    }
-}
-
-/// The colours of a block as they are.
+/// A block of all colours.
 #[inline(always)]
-fn centre<const C: usize>(window: &Window, at: usize) -> [[f32; BLOCK]; C] {
+fn blocks<const C: usize>(window: &Window, at: usize) -> [[f32; BLOCK]; C] {
     let mut out = [[0.0; BLOCK]; C];
     for c in 0..C {
         out[c] = *block(window.plane(c), at);
@@ -241,24 +238,11 @@ multiversion! {
         for (i, out) in out.chunks_mut(BLOCK * C).enumerate() {
             let at = window.index(i * BLOCK, y);
             let scale_px = scales_px(plan, block(window.plane(C), at));
-            let mut blurred = [[0.0f32; BLOCK]; C];
-            match Values::of(&scale_px) {
-                Some(values) => {
-                    for value in &values.found[..values.count] {
-                        let shared = if *value == 0.0 {
-                            centre::<C>(window, at)
-                        } else {
-                            average::<C, Shared>(plan, window, at, &[*value; BLOCK])
-                        };
-                        for c in 0..C {
-                            for i in 0..BLOCK {
-                                blurred[c][i] = if scale_px[i] == *value { shared[c][i] } else { blurred[c][i] };
-                            }
-                        }
-                    }
-                }
-                None => blurred = average::<C, Own>(plan, window, at, &scale_px),
-            }
+            let blurred = if scale_px == [0.0; BLOCK] {
+                blocks::<C>(window, at)
+            } else {
+                average::<C>(plan, window, at, &scale_px)
+            };
             interleave(&blurred, out);
         }
     }
