@@ -1,7 +1,7 @@
 """The picture that comes with dofsim, through one lens, by every method.
 
-Run `make gallery`, or this file with the folder to write into: a PNG for every method, and `gallery.png` with all of
-them beside the pinhole picture and the ray traced reference. Methods are used as they are by default.
+Run `make gallery`, or this file with the folder to write into: a PNG for every method, and `gallery.png` with
+all of them beside the pinhole picture and the ray traced reference. Methods are used as they are by default.
 """
 
 import argparse
@@ -9,8 +9,7 @@ from importlib import resources
 from pathlib import Path
 
 import dofsim
-import tomllib
-from dofsim import _dofsim, _panel, io, metrics
+from dofsim import _dofsim, _options, _panel, io, metrics
 from dofsim._compare import shown
 
 
@@ -22,7 +21,8 @@ def main() -> None:
     with resources.as_file(resources.files("dofsim") / "data") as data:
         color, depth = io.read_rgbd(data / "demo.exr")
         reference = io.read_color(data / "demo_reference.exr").pixels[..., :3]
-        lens = dofsim.Lens(**tomllib.loads((data / "demo_lens.toml").read_text(encoding="utf-8")))
+        words, _ = _options.read_settings(data / "demo_lens.toml", {}, {})
+    lens = _options.make_lens(words)
     scene = dofsim.Scene(color, depth)
     pictures = {method: scene.render(lens, method=method) for method in _dofsim.methods_available()}
 

@@ -77,12 +77,16 @@ fn bilinear(a: f32, b: f32, c: f32, d: f32, right: f32, down: f32) -> f32 {
     mix(mix(a, b, right), mix(c, d, right), down)
 }
 
-/// A place as whole pixels and the fraction beyond them.
+/// A place as whole pixels and the fraction beyond them, for places less than 2^22 pixels away.
 #[inline(always)]
 fn split(x: f32) -> (i32, f32) {
-    let towards_zero = x as i32;
-    let floor = towards_zero - i32::from(x < towards_zero as f32);
-    (floor, x - floor as f32)
+    // Numbers this large have no fractions: the sum is rounded to a whole number, which its low bits hold. The
+    // conversions that Rust offers saturate, and that is done one by one.
+    const LARGE: f32 = 12_582_912.0;
+    let rounded = x + LARGE;
+    let (nearest, whole) = (rounded - LARGE, rounded.to_bits().wrapping_sub(LARGE.to_bits()).cast_signed());
+    let beyond = x - nearest;
+    if beyond < 0.0 { (whole - 1, beyond + 1.0) } else { (whole, beyond) }
 }
 
 /// Where one tap reads for each pixel of a block.
@@ -245,5 +249,27 @@ multiversion! {
             };
             interleave(&blurred, out);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_are_split_into_whole_and_fraction() {
+        for x in [0.0f32, 0.25, 0.5, 0.75, 1.0, 1.5, 2.5, -0.25, -0.5, -1.0, -1.5, -2.75, 511.125, -511.125] {
+            assert_eq!(split(x), (x.floor() as i32, x - x.floor()), "{x}");
+        }
+    }
+
+    #[test]
+    fn few_offsets_are_found_once_each() {
+        let mut offsets = [7; BLOCK];
+        assert_eq!(Few::of(&offsets).map(|f| f.found[..f.count].to_vec()), Some(vec![7]));
+        offsets[3] = -20;
+        offsets[60] = 9;
+        assert_eq!(Few::of(&offsets).map(|f| f.found[..f.count].to_vec()), Some(vec![-20, 7, 9]));
+        assert!(Few::of(&std::array::from_fn(|i| i as i32 % 7)).is_none());
     }
 }

@@ -1,12 +1,14 @@
-"""How fast every method is at full HD, as a ratio to a plain Gaussian blur of the same picture in the same run.
+"""How fast every method is at full HD, as a ratio to a plain Gaussian blur of the same picture.
 
-Run `make bench`, or this file with OpenCV installed. The peer is `cv2.GaussianBlur` with 25 x 25 pixels: a plain
-separable blur, all pixels alike. Depth is either a few planes, where circles of confusion are the same over long
-stretches, or a slope, where every pixel has its own. "render" reads the arrays each time; "scene" has read them before.
-Methods are used with the parameters of their documents, which are the defaults.
+Run `make bench`, or this file with OpenCV installed. The peer is `cv2.GaussianBlur` with 25 x 25 pixels, in
+the same run: a plain separable blur, all pixels alike. Depth is either a few planes, where circles of
+confusion are the same over long stretches, or a slope, where every pixel has its own. "render" reads the
+arrays each time, "scene" has read them before. Methods are used as they are by default, which is with the
+parameters of their documents.
 """
 
 import argparse
+from functools import partial
 
 import cv2
 import dofsim
@@ -41,11 +43,9 @@ def main() -> None:
     for method in arguments.method or methods_available():
         cells = []
         for depth in (steps, slope):
-            scene = dofsim.Scene(color, depth)
-            for work in (
-                lambda depth=depth: dofsim.render(color, depth, lens, method=method, threads=threads),
-                lambda scene=scene: scene.render(lens, method=method, threads=threads),
-            ):
+            options = {"method": method, "threads": threads}
+            render = partial(dofsim.render, color, depth, lens, **options)
+            for work in (render, partial(dofsim.Scene(color, depth).render, lens, **options)):
                 seconds = best_of(runs, work)
                 cells.append(f"{1e3 * seconds:12.1f} ms {seconds / peer:5.2f}x")
         print(f"{method:12}" + "".join(f"{cell:>22}" for cell in cells))
