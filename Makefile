@@ -18,16 +18,20 @@ LIBPYTHON = $(shell $(WORK)/bin/python -c 'import sysconfig as s, pathlib as p; 
 	found = (d / (v("LDLIBRARY") or "-")).is_file() or v("PYTHONFRAMEWORK"); print(d if found else "")')
 CARGO = PYO3_PYTHON="$(CURDIR)/$(WORK)/bin/python" cargo
 
-.PHONY: help demo test bench clean
+.PHONY: help demo gallery test bench clean
 
 help:
 	@echo 'make demo   install into $(DEMO) and render the picture that comes with dofsim into dofsim-demo/'
+	@echo 'make gallery  draw that picture with every method into build/gallery/'
 	@echo 'make test   check everything, in $(WORK)'
 	@echo 'make bench  speed and memory at 1920 x 1080'
 	@echo 'make clean  remove what these made, but not the ray traced scenes in build/'
 
 demo: $(DEMO)/.installed
 	$(DEMO)/bin/dofsim demo -o dofsim-demo
+
+gallery: $(DEMO)/.installed
+	$(DEMO)/bin/python docs/gallery.py build/gallery
 
 $(DEMO)/.installed: $(SOURCES)
 	$(PYTHON) -m venv $(DEMO)
@@ -67,6 +71,7 @@ NO_LIBPYTHON = @echo 'SKIPPED: cargo test: this Python has no library to link wi
 bench: $(DEMO)/.installed
 	$(DEMO)/bin/python $(PIP) install --quiet opencv-python-headless
 	$(DEMO)/bin/python tests/bench/peers.py
+	$(DEMO)/bin/python tests/bench/methods.py
 
 clean:
 	rm -rf $(DEMO) $(WORK) target dist dofsim-demo .mypy_cache .pytest_cache .ruff_cache

@@ -66,6 +66,16 @@ impl Aperture {
         }
     }
 
+    /// Whether the opening is a disc, however much of its light passes where.
+    pub fn is_round(&self) -> bool {
+        self.outline == Outline::Disc
+    }
+
+    /// Share of the light that passes at a lens point inside the opening.
+    pub fn transmission(&self, l: [f64; 2]) -> f64 {
+        self.apodization.map_or(1.0, |sigma| (-0.5 * (self.rim_fraction(l) / sigma).powi(2)).exp())
+    }
+
     /// Area of the opening over that of its enclosing disc.
     pub fn relative_area(&self) -> f64 {
         match self.outline {
@@ -78,7 +88,7 @@ impl Aperture {
     }
 
     /// The rim point below which the fraction `v` of the opening's area lies, going round.
-    fn rim(&self, v: f64) -> [f64; 2] {
+    pub fn rim(&self, v: f64) -> [f64; 2] {
         match self.outline {
             Outline::Disc => [(TAU * v).cos(), -(TAU * v).sin()],
             // Triangles from the centre to equal lengths of the rim have equal areas.
@@ -131,7 +141,7 @@ impl Aperture {
                 return 0.0;
             }
             match (self.apodization, self.outline) {
-                (Some(sigma), _) => self.apodized_pixel_weight(sigma, t, dx, dy),
+                (Some(_), _) => self.apodized_pixel_weight(t, dx, dy),
                 _ if CORNERS.iter().all(|&corner| corner_inside(dx, dy, corner)) => 1.0,
                 (None, Outline::Disc) => disc_pixel_area(t.abs(), dx, dy),
                 (None, Outline::Polygon { .. }) => polygon_pixel_area(&vertices, dx, dy),
@@ -141,16 +151,15 @@ impl Aperture {
     }
 
     /// Transmission integrated over a pixel of the scaled opening by a fine midpoint rule.
-    fn apodized_pixel_weight(&self, sigma: f64, t: f64, dx: i32, dy: i32) -> f64 {
+    fn apodized_pixel_weight(&self, t: f64, dx: i32, dy: i32) -> f64 {
         const STEPS: usize = 16;
         let inside = |i: usize| (i as f64 + 0.5) / STEPS as f64 - 0.5;
         let mut sum = 0.0;
         for j in 0..STEPS {
             for i in 0..STEPS {
                 let l = [(f64::from(dx) + inside(i)) / t, (f64::from(dy) + inside(j)) / t];
-                let rho = self.rim_fraction(l);
-                if rho <= 1.0 {
-                    sum += (-0.5 * (rho / sigma).powi(2)).exp();
+                if self.rim_fraction(l) <= 1.0 {
+                    sum += self.transmission(l);
                 }
             }
         }
@@ -158,7 +167,7 @@ impl Aperture {
     }
 
     /// How far along the way from the centre to the rim a lens point lies.
-    fn rim_fraction(&self, l: [f64; 2]) -> f64 {
+    pub fn rim_fraction(&self, l: [f64; 2]) -> f64 {
         let r = l[0].hypot(l[1]);
         match self.outline {
             Outline::Disc => r,

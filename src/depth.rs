@@ -1,6 +1,7 @@
 //! From the depth that users hold to the disparity that the optics need.
 
 use crate::error::{Result, value_error};
+use crate::memory;
 use rayon::prelude::*;
 
 /// How depth values are to be read.
@@ -106,7 +107,7 @@ pub fn disparity_plane(
             (1.0 + dx * dx + dy * dy).sqrt()
         })
     };
-    let mut out = vec![0.0f32; depth.len()];
+    let mut out: Vec<f32> = memory::zeros(depth.len());
     let bad: usize = out
         .par_chunks_mut(width)
         .zip(depth.par_chunks(width))

@@ -14,6 +14,10 @@ use std::sync::{Arc, Mutex};
 pub enum Method {
     /// The integral over the lens, with visibility for every lens point.
     Lens(cpu::lens::Settings),
+    /// Taps scattered over each pixel's circle of confusion.
+    Poisson(plan::poisson::Settings),
+    /// A wide separable blur laid over the picture.
+    Gaussian(plan::gaussian::Settings),
     /// A few look-ups at fixed places.
     Taps(plan::taps::Settings),
 }
@@ -23,6 +27,8 @@ impl Method {
     fn describe(&self) -> (&'static str, Option<&'static str>) {
         match self {
             Method::Lens(_) => ("lens", None),
+            Method::Poisson(_) => ("poisson", None),
+            Method::Gaussian(settings) => ("gaussian", settings.metric_option()),
             Method::Taps(settings) => ("taps", settings.metric_option()),
         }
     }
@@ -86,6 +92,8 @@ impl Scene {
                 let sheets = self.sheets(optics, simd, cancel)?;
                 cpu::lens::render(picture, &sheets, optics, settings, self.supersample, simd, cancel)
             }
+            Method::Poisson(settings) => cpu::poisson::render(front, size, optics, settings, simd, cancel),
+            Method::Gaussian(settings) => cpu::gaussian::render(front, size, optics, settings, simd, cancel),
             Method::Taps(settings) => cpu::taps::render(front, size, optics, settings, simd, cancel),
         }?;
         Ok(match self.supersample {

@@ -29,6 +29,12 @@ Bundle = dict[str, NDArray]
 METHODS: dict[str, Callable[[Bundle, dofsim.Lens], NDArray]] = {
     "no blur": lambda b, lens: b["color"],
     "gather": lambda b, lens: gather(b["color"], dofsim.coc(b["depth"], lens)),
+    "poisson": lambda b, lens: dofsim.render(b["color"], b["depth"], lens, method="poisson"),
+    "poisson, 128 taps": lambda b, lens: dofsim.render(
+        b["color"], b["depth"], lens, method="poisson", taps=128, max_coc_px=64
+    ),
+    "gaussian": lambda b, lens: dofsim.render(b["color"], b["depth"], lens, method="gaussian"),
+    "taps": lambda b, lens: dofsim.render(b["color"], b["depth"], lens, method="taps"),
     "lens": lambda b, lens: dofsim.render(b["color"], b["depth"], lens),
     # Sampled at pixel centres, as the rest of the layers: what is in focus shows it.
     "lens, 4 layers": lambda b, lens: dofsim.render(b["layers_color_1x"], b["layers_depth_1x"], lens),

@@ -119,7 +119,7 @@ WRONG = {
     "negative depth": ({"depth": bad_depth(-1.0)}, "depth has 3 of 768.*first is -1 at row 3, column 5"),
     "zero depth": ({"depth": bad_depth(0.0)}, "depth has 3 of 768.*first is 0 at row 3, column 5"),
     "absurd lens": ({"lens": LENS.replace(aperture_radius=1e3)}, "lens: .*circle of confusion.*2048 px"),
-    "method": ({"method": "magic"}, 'method must be one of "lens", "taps".*"magic"'),
+    "method": ({"method": "magic"}, 'method must be one of "lens", .*"taps".*"magic"'),
     "device": ({"device": "tpu"}, 'device must be one of "auto", "cpu", "gpu"; got "tpu"'),
     "depth kind": ({"depth_kind": "metres"}, 'depth_kind must be one of "z", "distance".*"metres"'),
     "alpha": ({"alpha": "yes"}, 'alpha must be one of "premultiplied", "straight", "none"; got "yes"'),

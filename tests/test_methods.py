@@ -5,15 +5,19 @@ import re
 import dofsim
 import numpy as np
 import pytest
-from dofsim._dofsim import simd_available
+from dofsim._dofsim import methods_available, simd_available
 
 # Each method with options that make it do all it can. A further method is a further line.
 METHODS = {
+    "poisson": {"taps": 24, "max_coc_px": 12.0},
+    "gaussian": {"max_coc_px": 12.0},
     "taps": {"variant": "thirteen"},
 }
 # What each method can be asked for, as its errors list it.
 OPTIONS = {
     "lens": "views",
+    "poisson": "bokeh, taps, max_coc_px, leak_test",
+    "gaussian": "focal_range, max_coc_px",
     "taps": "variant, hyperfocal_factor",
 }
 
@@ -38,6 +42,10 @@ def depth():
 @pytest.fixture(scope="module")
 def color():
     return np.random.default_rng(1).random((HEIGHT, WIDTH, 3), dtype=np.float32)
+
+
+def test_every_method_is_tested_here():
+    assert methods_available() == list(OPTIONS) == ["lens", *METHODS]
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -147,7 +155,7 @@ def test_layers_are_refused_by_name(method):
         render(layers, depths, method)
 
 
-@pytest.mark.parametrize("method", ["taps"])
+@pytest.mark.parametrize("method", ["gaussian", "taps"])
 def test_other_openings_are_refused_by_name(method, color, depth):
     expected = re.escape(f'aperture must be a plain disc for method="{method}"')
     with pytest.raises(ValueError, match=expected + r".*Aperture\(blades=6\)"):

@@ -36,6 +36,11 @@ def bracket(color: NDArray[np.float32], depth: NDArray[np.float64]) -> NDArray[n
     render(color, depth, lens, depth_kind="metres")  # type: ignore[call-overload]
     render(color, depth, lens, method="fast")  # type: ignore[call-overload]
     render(color, depth, lens, method="taps", variant="six", hyperfocal_factor=0.3)
+    render(color, depth, lens, method="poisson", taps=32, bokeh="ring", leak_test="off")
+    render(color, depth, lens, method="poisson", taps=np.zeros((5, 2)), max_coc_px=20.0)
+    render(color, depth, lens, method="poisson", leak_test=True)  # type: ignore[call-overload]
+    render(color, depth, lens, method="gaussian", focal_range=2.0)
+    render(color, depth, lens, method="gaussian", taps=32)  # type: ignore[call-overload]
     render(color, depth, lens, method="taps", variant="eleven")  # type: ignore[call-overload]
     render(color, depth, lens, method="taps", views=128)  # type: ignore[call-overload]
 

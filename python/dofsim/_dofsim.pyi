@@ -18,6 +18,7 @@ __all__ = [
     "encode_codes",
     "exr_parts",
     "file_kind",
+    "methods_available",
     "read_exr",
     "read_raster",
     "render",
@@ -44,6 +45,18 @@ _Transfer: TypeAlias = Literal["linear", "srgb"]
 @type_check_only
 class _LensOptions(TypedDict, total=False):
     views: int | None
+
+@type_check_only
+class _PoissonOptions(TypedDict, total=False):
+    taps: int | NDArray[np.floating[Any]] | Sequence[Sequence[float]] | None
+    bokeh: Literal["uniform", "ring", "gaussian", "inverse"] | None
+    max_coc_px: float | None
+    leak_test: Literal["on", "off"] | None
+
+@type_check_only
+class _GaussianOptions(TypedDict, total=False):
+    focal_range: float | None
+    max_coc_px: float | None
 
 @type_check_only
 class _TapsOptions(TypedDict, total=False):
@@ -157,6 +170,28 @@ class Scene:
         /,
         lens: Lens,
         *,
+        method: Literal["poisson"],
+        aperture: Aperture | None = None,
+        threads: int | None = None,
+        **options: Unpack[_PoissonOptions],
+    ) -> NDArray[Any]: ...
+    @overload
+    def render(
+        self,
+        /,
+        lens: Lens,
+        *,
+        method: Literal["gaussian"],
+        aperture: Aperture | None = None,
+        threads: int | None = None,
+        **options: Unpack[_GaussianOptions],
+    ) -> NDArray[Any]: ...
+    @overload
+    def render(
+        self,
+        /,
+        lens: Lens,
+        *,
         method: Literal["taps"],
         aperture: Aperture | None = None,
         threads: int | None = None,
@@ -173,6 +208,30 @@ class Scene:
         aperture: Aperture | None = None,
         threads: int | None = None,
         **options: Unpack[_LensOptions],
+    ) -> NDArray[Any]: ...
+    @overload
+    def focal_stack(
+        self,
+        /,
+        lens: Lens,
+        distances: Sequence[float] | NDArray[np.floating[Any]],
+        *,
+        method: Literal["poisson"],
+        aperture: Aperture | None = None,
+        threads: int | None = None,
+        **options: Unpack[_PoissonOptions],
+    ) -> NDArray[Any]: ...
+    @overload
+    def focal_stack(
+        self,
+        /,
+        lens: Lens,
+        distances: Sequence[float] | NDArray[np.floating[Any]],
+        *,
+        method: Literal["gaussian"],
+        aperture: Aperture | None = None,
+        threads: int | None = None,
+        **options: Unpack[_GaussianOptions],
     ) -> NDArray[Any]: ...
     @overload
     def focal_stack(
@@ -233,6 +292,46 @@ def render(
     depth: NDArray[np.floating[Any]],
     lens: Lens,
     *,
+    method: Literal["poisson"],
+    device: _Device = "auto",
+    aperture: Aperture | None = None,
+    depth_kind: _DepthKind = "z",
+    near: float | None = None,
+    far: float | None = None,
+    invalid: _Invalid = "raise",
+    alpha: _Alpha | None = None,
+    transfer: _Transfer | None = None,
+    overscan: int = 0,
+    supersample: int = 1,
+    threads: int | None = None,
+    **options: Unpack[_PoissonOptions],
+) -> NDArray[_Sample]: ...
+@overload
+def render(
+    color: NDArray[_Sample],
+    depth: NDArray[np.floating[Any]],
+    lens: Lens,
+    *,
+    method: Literal["gaussian"],
+    device: _Device = "auto",
+    aperture: Aperture | None = None,
+    depth_kind: _DepthKind = "z",
+    near: float | None = None,
+    far: float | None = None,
+    invalid: _Invalid = "raise",
+    alpha: _Alpha | None = None,
+    transfer: _Transfer | None = None,
+    overscan: int = 0,
+    supersample: int = 1,
+    threads: int | None = None,
+    **options: Unpack[_GaussianOptions],
+) -> NDArray[_Sample]: ...
+@overload
+def render(
+    color: NDArray[_Sample],
+    depth: NDArray[np.floating[Any]],
+    lens: Lens,
+    *,
     method: Literal["taps"],
     device: _Device = "auto",
     aperture: Aperture | None = None,
@@ -247,6 +346,7 @@ def render(
     threads: int | None = None,
     **options: Unpack[_TapsOptions],
 ) -> NDArray[_Sample]: ...
+def methods_available() -> list[str]: ...
 def simd_available() -> list[Literal["portable", "avx2", "avx512"]]: ...
 
 # Files; `dofsim.io` is the public face of these.

@@ -1,7 +1,6 @@
 //! What lies beyond the border of the picture: its mirror image.
 
 use crate::picture::Size;
-use rayon::prelude::*;
 
 /// Half-sample symmetric extension, however far out: `.. 1 0 | 0 1 2 .. n-1 | n-1 n-2 ..`. The index, and whether
 /// it is a mirror image.
@@ -10,48 +9,69 @@ pub fn mirrored(i: i64, n: usize) -> (usize, bool) {
     if i < n { (i, false) } else { (2 * n - 1 - i, true) }
 }
 
-/// Columns that filters work on at once; padded rows are long enough for whole blocks of them.
+/// Columns that filters work on at once: so many that the compiler makes vector loops of them. Rows of a window are
+/// long enough for whole blocks.
 pub const BLOCK: usize = 64;
 
-/// Planes with a mirrored margin on every side, so that a filter may read around any pixel without asking.
-pub struct Padded {
+/// Some rows of planes with a mirrored margin around them, so that a filter may read around any pixel without asking.
+/// It is small enough to stay in a worker's cache, and is filled again for one band of rows after another.
+pub struct Window {
+    size: Size,
     margin: usize,
-    /// Values from one padded row to the next.
+    /// Values from one row to the next.
     pub stride: usize,
     /// Values from one plane to the next.
     area: usize,
+    /// The first row of the frame that can be asked for.
+    first: usize,
     values: Vec<f32>,
+    /// Places of a row beyond the frame, and those whose mirror image they are.
+    beyond: Vec<(usize, usize)>,
 }
 
-impl Padded {
-    /// Pads `size.channels` planes by at least `margin` pixels; `read(plane, y, row)` gives the rows.
-    pub fn new(size: Size, margin: usize, read: impl Fn(usize, usize, &mut [f32]) + Sync) -> Padded {
+impl Window {
+    /// A window on `size.channels` planes, up to `rows` rows of a frame, and at least `margin` pixels around them.
+    pub fn new(size: Size, rows: usize, margin: usize) -> Window {
         let stride = size.width.next_multiple_of(BLOCK) + 2 * margin;
-        let rows = size.height + 2 * margin;
-        let mut values = vec![0.0f32; size.channels * rows * stride];
-        let beyond: Vec<(usize, usize)> = (0..margin)
+        let area = (rows + 2 * margin) * stride;
+        let beyond = (0..margin)
             .chain(margin + size.width..stride)
             .map(|px| (px, margin + mirrored(px as i64 - margin as i64, size.width).0))
             .collect();
-        values.par_chunks_mut(stride).enumerate().for_each(|(row, out)| {
-            let y = mirrored((row % rows) as i64 - margin as i64, size.height).0;
-            read(row / rows, y, &mut out[margin..][..size.width]);
-            for &(px, source) in &beyond {
-                out[px] = out[source];
-            }
-        });
-        Padded { margin, stride, area: rows * stride, values }
+        Window { size, margin, stride, area, first: 0, values: vec![0.0; size.channels * area], beyond }
     }
 
-    /// One padded plane.
+    /// Moves the window to `rows` rows from `first` on; `read(plane, y, row)` gives those of the frame.
+    pub fn fill(&mut self, first: usize, rows: usize, read: impl Fn(usize, usize, &mut [f32])) {
+        self.first = first;
+        for (plane, values) in self.values.chunks_mut(self.area).enumerate() {
+            for (i, out) in values.chunks_mut(self.stride).take(rows + 2 * self.margin).enumerate() {
+                let y = mirrored((first + i) as i64 - self.margin as i64, self.size.height).0;
+                read(plane, y, &mut out[self.margin..][..self.size.width]);
+                for &(px, source) in &self.beyond {
+                    out[px] = out[source];
+                }
+            }
+        }
+    }
+
+    /// One plane.
+    #[inline(always)]
     pub fn plane(&self, i: usize) -> &[f32] {
         &self.values[i * self.area..][..self.area]
     }
 
-    /// Index of pixel `(x, y)` in a padded plane.
+    /// Index in a plane of pixel `(x, y)` of the frame.
+    #[inline(always)]
     pub fn index(&self, x: usize, y: usize) -> usize {
-        (y + self.margin) * self.stride + x + self.margin
+        (y - self.first + self.margin) * self.stride + x + self.margin
     }
+}
+
+/// A block of a plane from index `at` on.
+#[inline(always)]
+pub fn block(plane: &[f32], at: usize) -> &[f32; BLOCK] {
+    plane[at..].first_chunk().expect("rows of a window hold whole blocks")
 }
 
 #[cfg(test)]
@@ -66,16 +86,19 @@ mod tests {
     }
 
     #[test]
-    fn padded_planes_continue_the_picture_as_its_mirror_image() {
-        let size = Size { width: 3, height: 2, channels: 2 };
-        let padded = Padded::new(size, 4, |plane, y, row| {
-            row.iter_mut().enumerate().for_each(|(x, v)| *v = (100 * plane + 10 * y + x) as f32);
-        });
-        for plane in 0..2 {
-            for (dy, dx) in (-4..5).flat_map(|dy| (-4..6).map(move |dx| (dy, dx))) {
-                let at = padded.index(0, 0) as i64 + dy * padded.stride as i64 + dx;
-                let expected = 100 * plane + 10 * mirrored(dy, 2).0 + mirrored(dx, 3).0;
-                assert_eq!(padded.plane(plane)[at as usize], expected as f32, "{plane} {dy} {dx}");
+    fn windows_continue_the_picture_as_its_mirror_image() {
+        let size = Size { width: 3, height: 5, channels: 2 };
+        let mut window = Window::new(size, 2, 7);
+        for (first, rows) in [(2, 2), (4, 1)] {
+            window.fill(first, rows, |plane, y, row| {
+                row.iter_mut().enumerate().for_each(|(x, v)| *v = (100 * plane + 10 * y + x) as f32);
+            });
+            for (plane, y) in (0..2).flat_map(|plane| (first..first + rows).map(move |y| (plane, y))) {
+                for (dy, dx) in (-7..8).flat_map(|dy| (-7..10).map(move |dx| (dy, dx))) {
+                    let at = window.index(0, y) as i64 + dy * window.stride as i64 + dx;
+                    let expected = 100 * plane + 10 * mirrored(y as i64 + dy, 5).0 + mirrored(dx, 3).0;
+                    assert_eq!(window.plane(plane)[at as usize], expected as f32, "{plane} {y} {dy} {dx}");
+                }
             }
         }
     }

@@ -1,13 +1,16 @@
 //! Carries out [`plan::taps`](crate::plan::taps).
 
-use super::border::{BLOCK, Padded};
-use super::rows::{interleave, render_rows, with_channels};
+use super::border::{BLOCK, Window, block};
+use super::rows::{interleave, render_bands, with_channels};
 use super::simd::{Simd, multiversion};
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::optics::Optics;
 use crate::picture::{Layer, Size};
 use crate::plan::taps::{Mix, Plan, Settings, Tap};
+
+/// Rows that are worked on at once.
+const BAND: usize = 16;
 
 /// The picture, interleaved.
 pub fn render(
@@ -21,33 +24,42 @@ pub fn render(
     let plan = Plan::new(settings, optics);
     // The colours, and the blur factor as the last plane.
     let planes = Size { channels: size.channels + 1, ..size };
-    let padded = Padded::new(planes, plan.margin, |plane, y, out| {
+    let read = |plane: usize, y: usize, out: &mut [f32]| {
         if plane < size.channels {
             out.copy_from_slice(&layer.color[plane * size.pixels() + y * size.width..][..size.width]);
         } else {
-            let disparity = &layer.disparity[y * size.width..][..size.width];
-            out.iter_mut().zip(disparity).for_each(|(blur, d)| *blur = plan.blur(*d));
+            blur_row(simd, &plan, &layer.disparity[y * size.width..][..size.width], out);
         }
-    });
-    let scratch = || ();
-    with_channels!(size.channels, C => {
-        render_rows(size, cancel, scratch, |(), y, out| row::<C>(simd, &plan, &padded, y, out))
+    };
+    let scratch = || Window::new(planes, BAND, plan.margin);
+    render_bands(size, BAND, cancel, scratch, |window, first, out| {
+        let length = size.width * size.channels;
+        window.fill(first, out.len() / length, read);
+        for (i, out) in out.chunks_mut(length).enumerate() {
+            with_channels!(size.channels, C => row::<C>(simd, &plan, window, first + i, out));
+        }
     })
 }
 
-/// The weight of a look-up.
-#[inline(always)]
-fn weight(mix: Mix, centre_blur: f32, tap_blur: f32) -> f32 {
-    match mix {
-        Mix::Both => centre_blur * tap_blur,
-        Mix::Centre => centre_blur,
+multiversion! {
+    /// The blur factors of a row.
+    fn blur_row(plan: &Plan, disparity: &[f32], out: &mut [f32]) {
+        for (blur, d) in out.iter_mut().zip(disparity) {
+            *blur = plan.blur(*d);
+        }
     }
 }
 
-/// A block of one plane from index `at` on.
+/// The weights of a look-up.
 #[inline(always)]
-fn block(plane: &[f32], at: usize) -> &[f32; BLOCK] {
-    plane[at..].first_chunk().expect("padded rows hold whole blocks")
+fn weights(mix: Mix, centre_blur: &[f32; BLOCK], tap_blur: &[f32; BLOCK]) -> [f32; BLOCK] {
+    let mut out = *centre_blur;
+    if mix == Mix::Both {
+        for i in 0..BLOCK {
+            out[i] = centre_blur[i] * tap_blur[i];
+        }
+    }
+    out
 }
 
 /// A block of one plane as a look-up sees it.
@@ -65,23 +77,24 @@ fn look_up(plane: &[f32], stride: usize, at: usize, tap: &Tap) -> [f32; BLOCK] {
 
 multiversion! {
     /// One row of the picture.
-    fn row<const C: usize>(plan: &Plan, padded: &Padded, y: usize, out: &mut [f32]) {
+    fn row<const C: usize>(plan: &Plan, window: &Window, y: usize, out: &mut [f32]) {
         for (i, out) in out.chunks_mut(BLOCK * C).enumerate() {
-            let at = padded.index(i * BLOCK, y);
-            let centre_blur = block(padded.plane(C), at);
+            let at = window.index(i * BLOCK, y);
+            let centre_blur = block(window.plane(C), at);
             let mut sum = [[0.0f32; BLOCK]; C];
             for tap in &plan.taps {
-                let tap_blur = look_up(padded.plane(C), padded.stride, at, tap);
+                let tap_blur = look_up(window.plane(C), window.stride, at, tap);
+                let weights = weights(plan.mix, centre_blur, &tap_blur);
                 for c in 0..C {
-                    let centre = block(padded.plane(c), at);
-                    let color = look_up(padded.plane(c), padded.stride, at, tap);
+                    let centre = block(window.plane(c), at);
+                    let color = look_up(window.plane(c), window.stride, at, tap);
                     for x in 0..BLOCK {
-                        sum[c][x] += weight(plan.mix, centre_blur[x], tap_blur[x]) * (color[x] - centre[x]);
+                        sum[c][x] += weights[x] * (color[x] - centre[x]);
                     }
                 }
             }
             for c in 0..C {
-                let centre = block(padded.plane(c), at);
+                let centre = block(window.plane(c), at);
                 for x in 0..BLOCK {
                     sum[c][x] = centre[x] + plan.share * sum[c][x];
                 }

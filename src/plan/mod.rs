@@ -2,4 +2,6 @@
 //!
 //! A file a method. Nothing here depends on where the plan is carried out; `cpu` has a file of the same name for each.
 
+pub mod gaussian;
+pub mod poisson;
 pub mod taps;

@@ -4,6 +4,7 @@ use super::errors::choice;
 use super::run::installed;
 use crate::color::{Sample, Transfer};
 use crate::depth::{DepthKind, Invalid, disparity_plane};
+use crate::memory;
 use crate::optics::Lens;
 use crate::picture::{Layer, Picture, Size};
 use half::f16;
@@ -166,7 +167,8 @@ const MAX_SIDE: usize = 32_768;
 
 /// How many values are not finite, and the position of the first.
 fn not_finite(plane: &[f32], width: usize) -> Option<(usize, usize, usize)> {
-    let bad = plane.par_iter().filter(|v| !v.is_finite()).count();
+    let rows = plane.par_chunks(width);
+    let bad: usize = rows.map(|row| row.iter().map(|v| usize::from(!v.is_finite())).sum::<usize>()).sum();
     if bad == 0 {
         return None;
     }
@@ -184,7 +186,7 @@ fn in_order<T: Sample, R>(view: &ArrayViewD<'_, T>, read: impl FnOnce(&[T]) -> R
 
 /// Takes one layer of interleaved colour apart into planes.
 fn color_planes<T: Sample>(samples: &[T], size: Size, transfer: Transfer) -> Vec<f32> {
-    let mut planes = vec![0.0f32; size.pixels() * size.channels];
+    let mut planes: Vec<f32> = memory::zeros(size.pixels() * size.channels);
     planes.par_chunks_mut(size.width).enumerate().for_each(|(row, out)| {
         let (c, y) = (row / size.height, row % size.height);
         let pixels = samples[y * size.width * size.channels..].chunks_exact(size.channels);

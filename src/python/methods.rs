@@ -5,7 +5,7 @@ use super::errors::choice;
 use crate::aperture::Aperture;
 use crate::cpu::lens;
 use crate::error::{Result, value_error};
-use crate::plan::taps;
+use crate::plan::{gaussian, poisson, taps};
 use crate::render::Method;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -15,7 +15,14 @@ use pyo3::types::PyDict;
 type Read = fn(&mut Options<'_, '_>) -> PyResult<Method>;
 
 /// The methods there are.
-const METHODS: [(&str, Read); 2] = [("lens", read_lens), ("taps", read_taps)];
+const METHODS: [(&str, Read); 4] =
+    [("lens", read_lens), ("poisson", read_poisson), ("gaussian", read_gaussian), ("taps", read_taps)];
+
+/// Names of the methods that `render` takes.
+#[pyfunction]
+pub fn methods_available() -> Vec<&'static str> {
+    METHODS.iter().map(|(name, _)| *name).collect()
+}
 
 /// The method of this name with these options, none of which may be left over.
 pub fn read_method(
@@ -40,11 +47,65 @@ fn read_lens(options: &mut Options) -> PyResult<Method> {
     Ok(Method::Lens(lens::Settings { aperture: options.aperture(), views }))
 }
 
+fn read_poisson(options: &mut Options) -> PyResult<Method> {
+    let bokeh = options.word("bokeh", &poisson::Bokeh::NAMES)?;
+    let pattern = match options.get("taps")? {
+        Some(taps) if taps.extract::<usize>().is_err() => {
+            if bokeh.is_some() || options.aperture() != Aperture::DISC {
+                return Err(value_error!(
+                    "taps in an array have their own shape and weights: bokeh and aperture must not be given"
+                )
+                .into());
+            }
+            poisson::Pattern::of(&read_points("taps", &taps)?)?
+        }
+        count => {
+            let count = count.map_or(Ok(poisson::TWELVE.len()), |count| count.extract())?;
+            poisson::Pattern::over(&options.aperture(), count, bokeh.unwrap_or(poisson::Bokeh::Uniform))?
+        }
+    };
+    let max_coc_px = options.value("max_coc_px", "a number")?.unwrap_or(poisson::Settings::MAX_COC_PX);
+    let leak_test = options.word("leak_test", &poisson::LeakTest::NAMES)?.unwrap_or(poisson::LeakTest::On);
+    Ok(Method::Poisson(poisson::Settings::new(pattern, max_coc_px, leak_test)?))
+}
+
+/// An array of shape (N, 2) or (N, 3), or nested sequences like it; the third column is 1 if there is none.
+fn read_points(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 3]>> {
+    let rows: Option<Vec<Vec<f64>>> = given.call_method0("tolist").as_ref().unwrap_or(given).extract().ok();
+    let points = rows.and_then(|rows| {
+        rows.iter()
+            .map(|row| match *row.as_slice() {
+                [x, y] => Some([x, y, 1.0]),
+                [x, y, weight] => Some([x, y, weight]),
+                _ => None,
+            })
+            .collect::<Option<Vec<_>>>()
+    });
+    points.ok_or_else(|| {
+        PyTypeError::new_err(format!(
+            "{name} must be a whole number or an array of shape (N, 2) or (N, 3): x, y and weight; got {}",
+            shown(given)
+        ))
+    })
+}
+
+fn read_gaussian(options: &mut Options) -> PyResult<Method> {
+    options.only_a_disc()?;
+    let focal_range = options.value("focal_range", "a number")?;
+    let max_coc_px = options.value("max_coc_px", "a number")?;
+    Ok(Method::Gaussian(gaussian::Settings::new(focal_range, max_coc_px)?))
+}
+
 fn read_taps(options: &mut Options) -> PyResult<Method> {
     options.only_a_disc()?;
     let variant = options.word("variant", &taps::Variant::NAMES)?.unwrap_or(taps::Variant::Thirteen);
     let hyperfocal_factor = options.value("hyperfocal_factor", "a number")?;
     Ok(Method::Taps(taps::Settings::new(variant, hyperfocal_factor)?))
+}
+
+/// A value as an error shows it.
+fn shown(value: &Bound<'_, PyAny>) -> String {
+    value.repr().map_or_else(|_| value.get_type().to_string(), |repr| repr.to_string())
 }
 
 /// The options that a caller gave; what reads one also makes it known. None stands for an option not given.
@@ -69,11 +130,8 @@ impl<'py> Options<'_, 'py> {
         what: &str,
     ) -> PyResult<Option<T>> {
         let Some(value) = self.get(name)? else { return Ok(None) };
-        let read = value.extract().map_err(|_| {
-            let shown = value.repr().map_or_else(|_| value.get_type().to_string(), |r| r.to_string());
-            PyTypeError::new_err(format!("{name} must be {what}; got {shown}"))
-        });
-        read.map(Some)
+        let wrong = |_| PyTypeError::new_err(format!("{name} must be {what}; got {}", shown(&value)));
+        value.extract().map(Some).map_err(wrong)
     }
 
     /// One of the words accepted.

@@ -28,6 +28,8 @@ pub mod _dofsim {
     #[pymodule_export]
     use super::lens::PyLens;
     #[pymodule_export]
+    use super::methods::methods_available;
+    #[pymodule_export]
     use super::render::{PyScene, coc, render};
     #[pymodule_export]
     use super::run::simd_available;

@@ -110,7 +110,7 @@ fn check_device(name: &str) -> PyResult<()> {
 ///     `depth_kind` says otherwise. Infinity is background.
 /// lens : Lens
 ///     The lens.
-/// method : {"lens", "taps"}, optional
+/// method : {"lens", "poisson", "gaussian", "taps"}, optional
 ///     How to compute; see the notes. All but ``"lens"`` take one layer and are for speed or for their own looks.
 /// device : {"auto", "cpu", "gpu"}, optional
 ///     Where to compute.
@@ -155,10 +155,31 @@ fn check_device(name: &str) -> PyResult<()> {
 /// -----
 /// What lies beyond the border of the picture is taken for its mirror image. The methods and their options:
 ///
-/// ``"lens"`` integrates over the lens with visibility for every lens point.
+/// ``"lens"`` integrates over the lens with visibility for every lens point. With a fixed number of views it is what
+/// an accumulation buffer and distributed ray tracing compute, the references of real-time methods.
 ///
 /// - ``views``, int: lens points used wherever visibility matters, 16 to 16384. By default 64 to 512, chosen for
 ///   each tile from the largest circle of confusion that reaches it.
+///
+/// ``"poisson"`` averages over taps scattered over each pixel's own circle of confusion; after the first half of
+/// Riguer, Tatarchuk and Isidoro, "Real-Time Depth of Field Simulation", ShaderX2. It takes apertures of any shape.
+///
+/// - ``taps``, int or array: number of taps beside the pixel itself, 1 to 128, by default the article's own 12; or
+///   their places, shape (N, 2) or (N, 3): columns to the right and rows down in units of the circle's radius,
+///   and weights, where the pixel's own is 1. The pattern is turned by 180 degrees behind the focus plane.
+/// - ``bokeh``, "uniform" (default), "ring", "gaussian" or "inverse": where light falls within a blurred point:
+///   evenly, on the rim alone, more in the middle, or more towards the rim.
+/// - ``max_coc_px``, float: the diameter that circles of confusion are limited to, by default 10 pixels. Twelve taps
+///   do not fill a larger one.
+/// - ``leak_test``, "on" (default) or "off": whether taps in front of a pixel count by their own blurriness, so that
+///   what is sharp does not leak onto what is blurred behind it.
+///
+/// ``"gaussian"`` lays a half-size copy, blurred by 25 x 25 of its pixels, over the picture by blurriness, 0 to 1; after
+/// the second half of the same article. What is sharp does not spread.
+///
+/// - ``max_coc_px``, float: the diameter of the circle of confusion from which on blurriness is 1, by default the 48
+///   pixels of a disc that spreads light as far as the blur does.
+/// - ``focal_range``, float: instead, the distance in metres from the focus plane from which on it is 1.
 ///
 /// ``"taps"`` makes a few look-ups at fixed places up to two pixels away, each mixed with the centre by the product
 /// of both blur factors; after the "DepthOfField Sample" of Microsoft's DirectX SDK. A blur factor is a square, at

@@ -1,0 +1,339 @@
+//! Carries out [`plan::gaussian`](crate::plan::gaussian).
+
+use super::border::{BLOCK, block, mirrored};
+use super::rows::{interleave, render_bands, with_channels};
+use super::simd::{Simd, multiversion};
+use crate::cancel::Cancel;
+use crate::error::Result;
+use crate::memory;
+use crate::optics::Optics;
+use crate::picture::{Layer, Size};
+use crate::plan::gaussian::{Plan, REACH, Settings};
+use rayon::prelude::*;
+
+/// Rows of the half-size copy that are worked on at once.
+const BAND: usize = 16;
+/// Mirrored texels on both sides of a row of the half-size copy: taps read up to the next one beyond their reach.
+const MARGIN: usize = REACH + 1;
+/// Values of a row that are blurred along y at once.
+const ROW_BLOCK: usize = 64;
+
+/// The picture, interleaved.
+pub fn render(
+    layer: &Layer,
+    size: Size,
+    optics: &Optics,
+    settings: &Settings,
+    simd: Simd,
+    cancel: &Cancel,
+) -> Result<Vec<f32>> {
+    let plan = Plan::new(settings, optics);
+    let input = Input { layer, size, half: (size.width.div_ceil(2), size.height.div_ceil(2)) };
+    // Rows of the half-size copy, blurred along x: one line for each weighted colour and one for the weights.
+    let length = input.half.0 * (size.channels + 1);
+    let mut across: Vec<f32> = memory::zeros(length * input.half.1);
+    across.par_chunks_mut(BAND * length).enumerate().try_for_each_init(
+        || Halved::new(&input),
+        |halved, (band, out)| {
+            cancel.check()?;
+            for (i, out) in out.chunks_mut(length).enumerate() {
+                halved.read(simd, &plan, &input, band * BAND + i);
+                with_channels!(size.channels, C => blur_x::<C>(simd, &plan, halved, out));
+            }
+            Ok(())
+        },
+    )?;
+    let across = Across { values: across, length, rows: input.half.1 };
+    render_bands(
+        size,
+        2 * BAND,
+        cancel,
+        || Blurred::new(&input),
+        |blurred, first, out| {
+            for (i, out) in out.chunks_mut(size.width * size.channels).enumerate() {
+                blurred.interpolate(simd, &plan, &across, first + i);
+                blurriness_row(simd, &plan, input.disparity(first + i), &mut blurred.blurriness);
+                with_channels!(size.channels, C => composite::<C>(simd, &input, blurred, first + i, out));
+            }
+        },
+    )
+}
+
+/// The picture, and the columns and rows of its half-size copy.
+struct Input<'a> {
+    layer: &'a Layer,
+    size: Size,
+    half: (usize, usize),
+}
+
+impl Input<'_> {
+    #[inline(always)]
+    fn color(&self, c: usize, y: usize) -> &[f32] {
+        &self.layer.color[c * self.size.pixels() + y * self.size.width..][..self.size.width]
+    }
+
+    #[inline(always)]
+    fn disparity(&self, y: usize) -> &[f32] {
+        &self.layer.disparity[y * self.size.width..][..self.size.width]
+    }
+}
+
+multiversion! {
+    /// The blurriness of a row.
+    fn blurriness_row(plan: &Plan, disparity: &[f32], out: &mut [f32]) {
+        for (blurriness, d) in out.iter_mut().zip(disparity) {
+            *blurriness = plan.blurriness(*d);
+        }
+    }
+}
+
+/// A row of the half-size copy with a margin: the colours, then blurriness.
+struct Halved {
+    lines: Vec<Vec<f32>>,
+    /// Blurriness of the two rows that become one.
+    blurriness: [Vec<f32>; 2],
+}
+
+impl Halved {
+    fn new(input: &Input) -> Halved {
+        let line = vec![0.0; input.half.0.next_multiple_of(BLOCK) + 2 * MARGIN];
+        Halved {
+            lines: vec![line; input.size.channels + 1],
+            blurriness: [vec![0.0; input.size.width], vec![0.0; input.size.width]],
+        }
+    }
+
+    /// Reads row `y` of the half-size copy.
+    fn read(&mut self, simd: Simd, plan: &Plan, input: &Input, y: usize) {
+        let rows = [2 * y, mirrored(2 * y as i64 + 1, input.size.height).0];
+        for (row, out) in rows.into_iter().zip(&mut self.blurriness) {
+            blurriness_row(simd, plan, input.disparity(row), out);
+        }
+        let width = input.half.0;
+        for (plane, line) in self.lines.iter_mut().enumerate() {
+            let [top, bottom]: [&[f32]; 2] = if plane < input.size.channels {
+                rows.map(|row| input.color(plane, row))
+            } else {
+                self.blurriness.each_ref().map(Vec::as_slice)
+            };
+            halve(simd, top, bottom, &mut line[MARGIN..][..width]);
+            for at in (0..MARGIN).chain(MARGIN + width..line.len()) {
+                line[at] = line[MARGIN + mirrored(at as i64 - MARGIN as i64, width).0];
+            }
+        }
+    }
+}
+
+multiversion! {
+    /// The means of two by two pixels of two rows.
+    fn halve(top: &[f32], bottom: &[f32], out: &mut [f32]) {
+        for ((out, top), bottom) in out.iter_mut().zip(top.chunks_exact(2)).zip(bottom.chunks_exact(2)) {
+            *out = 0.25 * ((top[0] + top[1]) + (bottom[0] + bottom[1]));
+        }
+        if let ([top], [bottom], Some(out)) =
+            (top.chunks_exact(2).remainder(), bottom.chunks_exact(2).remainder(), out.last_mut())
+        {
+            // The mirror image of the last column is that column.
+            *out = 0.5 * (top + bottom);
+        }
+    }
+}
+
+/// What a tap of this blurriness counts.
+#[inline(always)]
+fn weight(blurriness: f32, threshold: f32) -> f32 {
+    (blurriness - threshold).clamp(0.0, 1.0)
+}
+
+/// From `a` to `b`.
+#[inline(always)]
+fn mix(a: f32, b: f32, fraction: f32) -> f32 {
+    a + fraction * (b - a)
+}
+
+/// A block of a line interpolated between the texels at two indices.
+#[inline(always)]
+fn between(line: &[f32], near: usize, far: usize, fraction: f32) -> [f32; BLOCK] {
+    let (a, b) = (block(line, near), block(line, far));
+    let mut out = [0.0; BLOCK];
+    for i in 0..BLOCK {
+        out[i] = mix(a[i], b[i], fraction);
+    }
+    out
+}
+
+/// Weighted colours of a block, and their weights.
+struct Weighted<const C: usize> {
+    colors: [[f32; BLOCK]; C],
+    total: [f32; BLOCK],
+}
+
+impl<const C: usize> Weighted<C> {
+    /// Adds a tap between the texels at two indices.
+    #[inline(always)]
+    fn add(&mut self, halved: &Halved, near: usize, far: usize, fraction: f32, threshold: f32) {
+        let blurriness = between(&halved.lines[C], near, far, fraction);
+        let mut weights = [0.0; BLOCK];
+        for i in 0..BLOCK {
+            weights[i] = weight(blurriness[i], threshold);
+            self.total[i] += weights[i];
+        }
+        for c in 0..C {
+            let color = between(&halved.lines[c], near, far, fraction);
+            for i in 0..BLOCK {
+                self.colors[c][i] += weights[i] * color[i];
+            }
+        }
+    }
+}
+
+multiversion! {
+    /// Blurs a row of the half-size copy along x: weighted sums, not yet divided by the weights.
+    fn blur_x<const C: usize>(plan: &Plan, halved: &Halved, out: &mut [f32]) {
+        let width = out.len() / (C + 1);
+        for x in (0..width).step_by(BLOCK) {
+            let centre = MARGIN + x;
+            let mut sums = Weighted { colors: [[0.0; BLOCK]; C], total: [0.0; BLOCK] };
+            sums.add(halved, centre, centre, 0.0, plan.centre_threshold);
+            for tap in &plan.taps {
+                sums.add(halved, centre + tap.whole, centre + tap.whole + 1, tap.fraction, tap.threshold);
+                sums.add(halved, centre - tap.whole, centre - tap.whole - 1, tap.fraction, tap.threshold);
+            }
+            let n = BLOCK.min(width - x);
+            for (line, values) in sums.colors.iter().chain([&sums.total]).enumerate() {
+                out[line * width + x..][..n].copy_from_slice(&values[..n]);
+            }
+        }
+    }
+}
+
+/// The half-size copy blurred along x.
+struct Across {
+    values: Vec<f32>,
+    /// Values of a row: its lines one after the other.
+    length: usize,
+    rows: usize,
+}
+
+impl Across {
+    /// A row; beyond the border lies the mirror image.
+    fn row(&self, y: i64) -> &[f32] {
+        &self.values[mirrored(y, self.rows).0 * self.length..][..self.length]
+    }
+}
+
+/// Blurred colours around one row of the picture.
+struct Blurred {
+    /// Rows of the half-size copy by number modulo their count: the lines of colour, with a texel of margin.
+    rows: [(Option<i64>, Vec<f32>); 2],
+    /// Weighted sums of a row.
+    sums: Vec<f32>,
+    /// Between the two rows.
+    line: Vec<f32>,
+    /// From one line to the next.
+    stride: usize,
+    blurriness: Vec<f32>,
+}
+
+impl Blurred {
+    fn new(input: &Input) -> Blurred {
+        let stride = input.half.0.next_multiple_of(BLOCK) + 2;
+        let lines = vec![0.0; stride * input.size.channels];
+        Blurred {
+            rows: [(None, lines.clone()), (None, lines.clone())],
+            sums: vec![0.0; input.half.0 * (input.size.channels + 1)],
+            line: lines,
+            stride,
+            blurriness: vec![0.0; input.size.width],
+        }
+    }
+
+    /// Interpolates the rows of the half-size copy above and below row `y` of the picture.
+    fn interpolate(&mut self, simd: Simd, plan: &Plan, across: &Across, y: usize) {
+        // Row y lies at y / 2 - 1/4.
+        let (above, fraction) =
+            if y.is_multiple_of(2) { (y as i64 / 2 - 1, 0.75) } else { (y as i64 / 2, 0.25) };
+        for row in [above, above + 1] {
+            let (held, lines) = &mut self.rows[row.rem_euclid(2) as usize];
+            if *held != Some(row) {
+                *held = Some(row);
+                let around: [&[f32]; 2 * REACH + 1] =
+                    std::array::from_fn(|i| across.row(row + i as i64 - REACH as i64));
+                blur_y(simd, plan, &around, &mut self.sums);
+                divide(simd, &self.sums, self.stride, lines);
+            }
+        }
+        let [above, below] = [above, above + 1].map(|row| &self.rows[row.rem_euclid(2) as usize].1);
+        mix_lines(simd, above, below, fraction, &mut self.line);
+    }
+}
+
+multiversion! {
+    /// Blurs rows along y into their middle one.
+    fn blur_y(plan: &Plan, rows: &[&[f32]; 2 * REACH + 1], out: &mut [f32]) {
+        for (i, out) in out.chunks_mut(ROW_BLOCK).enumerate() {
+            let part = |row: usize| &rows[row][ROW_BLOCK * i..][..out.len()];
+            let centre = part(REACH);
+            let mut sums = [0.0f32; ROW_BLOCK];
+            for (sum, v) in sums.iter_mut().zip(centre) {
+                *sum = plan.weights[0] * v;
+            }
+            for distance in 1..=REACH {
+                let sides = part(REACH - distance).iter().zip(part(REACH + distance));
+                for (sum, (a, b)) in sums.iter_mut().zip(sides) {
+                    *sum += plan.weights[distance] * (a + b);
+                }
+            }
+            out.copy_from_slice(&sums[..out.len()]);
+        }
+    }
+}
+
+multiversion! {
+    /// Divides weighted sums by their weights, the last line, into lines with a margin.
+    fn divide(sums: &[f32], stride: usize, lines: &mut [f32]) {
+        let count = lines.len() / stride;
+        let width = sums.len() / (count + 1);
+        let weights = &sums[count * width..];
+        for (sums, line) in sums.chunks_exact(width).zip(lines.chunks_exact_mut(stride)) {
+            for ((out, sum), weight) in line[1..].iter_mut().zip(sums).zip(weights) {
+                *out = sum / weight;
+            }
+            line[0] = line[1];
+            line[width + 1] = line[width];
+        }
+    }
+}
+
+multiversion! {
+    /// Interpolates between two lines.
+    fn mix_lines(a: &[f32], b: &[f32], fraction: f32, out: &mut [f32]) {
+        for ((out, a), b) in out.iter_mut().zip(a).zip(b) {
+            *out = mix(*a, *b, fraction);
+        }
+    }
+}
+
+multiversion! {
+    /// Lays the blurred colours over row `y` of the picture by its blurriness.
+    fn composite<const C: usize>(input: &Input, blurred: &Blurred, y: usize, out: &mut [f32]) {
+        for (i, out) in out.chunks_mut(BLOCK * C).enumerate() {
+            let (x, n) = (i * BLOCK, out.len() / C);
+            let blurriness = &blurred.blurriness[x..][..n];
+            let mut colors = [[0.0f32; BLOCK]; C];
+            for c in 0..C {
+                // Columns lie a quarter of a texel to the left and to the right of texels' centres.
+                let texels = &blurred.line[c * blurred.stride + x / 2..][..BLOCK / 2 + 2];
+                for k in 0..BLOCK / 2 {
+                    colors[c][2 * k] = mix(texels[k + 1], texels[k], 0.25);
+                    colors[c][2 * k + 1] = mix(texels[k + 1], texels[k + 2], 0.25);
+                }
+                let sharp = &input.color(c, y)[x..][..n];
+                for k in 0..n {
+                    colors[c][k] = mix(sharp[k], colors[c][k], blurriness[k]);
+                }
+            }
+            interleave(&colors, out);
+        }
+    }
+}

@@ -1,0 +1,275 @@
+//! Carries out [`plan::poisson`](crate::plan::poisson).
+
+use super::border::{BLOCK, Window, block};
+use super::rows::{interleave, render_bands, with_channels};
+use super::simd::{Simd, multiversion};
+use crate::cancel::Cancel;
+use crate::error::Result;
+use crate::optics::Optics;
+use crate::picture::{Layer, Size};
+use crate::plan::poisson::{LeakTest, Plan, Settings, Tap};
+
+/// Rows that are worked on at once, or as many as the margin has if that is more.
+const BAND: usize = 16;
+
+/// The picture, interleaved.
+pub fn render(
+    layer: &Layer,
+    size: Size,
+    optics: &Optics,
+    settings: &Settings,
+    simd: Simd,
+    cancel: &Cancel,
+) -> Result<Vec<f32>> {
+    let plan = Plan::new(settings, optics);
+    // The colours, then disparity, then blurriness.
+    let planes = Size { channels: size.channels + 2, ..size };
+    let read = |plane: usize, y: usize, out: &mut [f32]| {
+        let disparity = &layer.disparity[y * size.width..][..size.width];
+        if plane < size.channels {
+            out.copy_from_slice(&layer.color[plane * size.pixels() + y * size.width..][..size.width]);
+        } else if plane == size.channels {
+            out.copy_from_slice(disparity);
+        } else {
+            blurriness_row(simd, &plan, disparity, out);
+        }
+    };
+    let band = BAND.max(plan.margin);
+    render_bands(
+        size,
+        band,
+        cancel,
+        || Window::new(planes, band, plan.margin),
+        |window, first, out| {
+            let length = size.width * size.channels;
+            window.fill(first, out.len() / length, read);
+            for (i, out) in out.chunks_mut(length).enumerate() {
+                with_channels!(size.channels, C => row::<C>(simd, &plan, window, first + i, out));
+            }
+        },
+    )
+}
+
+multiversion! {
+    /// The blurriness of a row.
+    fn blurriness_row(plan: &Plan, disparity: &[f32], out: &mut [f32]) {
+        for (blurriness, d) in out.iter_mut().zip(disparity) {
+            *blurriness = plan.blurriness(*d);
+        }
+    }
+}
+
+/// What a tap counts under the leak test, before its own weight.
+#[inline(always)]
+fn contribution(centre_disparity: f32, tap_disparity: f32, tap_blurriness: f32) -> f32 {
+    if tap_disparity > centre_disparity { tap_blurriness } else { 1.0 }
+}
+
+/// From `a` to `b`; exact where they are equal.
+#[inline(always)]
+fn mix(a: f32, b: f32, fraction: f32) -> f32 {
+    a + fraction * (b - a)
+}
+
+/// Between four neighbours, two above and two below.
+#[inline(always)]
+fn bilinear(a: f32, b: f32, c: f32, d: f32, right: f32, down: f32) -> f32 {
+    mix(mix(a, b, right), mix(c, d, right), down)
+}
+
+/// A place as whole pixels and the fraction beyond them, for places less than 2^22 pixels away.
+#[inline(always)]
+fn split(x: f32) -> (i32, f32) {
+    // Numbers this large have no fractions: the sum is rounded to a whole number, which its low bits hold. The
+    // conversions that Rust offers saturate, and that is done one by one.
+    const LARGE: f32 = 12_582_912.0;
+    let rounded = x + LARGE;
+    let (nearest, whole) = (rounded - LARGE, rounded.to_bits().wrapping_sub(LARGE.to_bits()).cast_signed());
+    let beyond = x - nearest;
+    if beyond < 0.0 { (whole - 1, beyond + 1.0) } else { (whole, beyond) }
+}
+
+/// Where one tap reads for each pixel of a block.
+struct Places {
+    /// The upper left of the four neighbours of each place, relative to the pixel.
+    offset: [i32; BLOCK],
+    /// How far each place lies beyond it.
+    right: [f32; BLOCK],
+    down: [f32; BLOCK],
+    /// The offsets that occur, if they are few: most blocks are so smooth that a tap has the same neighbours all along.
+    few: Option<Few>,
+}
+
+impl Places {
+    /// The places of a tap where the pattern is scaled by `scale_px`.
+    #[inline(always)]
+    fn new(tap: &Tap, scale_px: &[f32; BLOCK], stride: usize) -> Places {
+        let (mut offset, mut right, mut down) = ([0; BLOCK], [0.0; BLOCK], [0.0; BLOCK]);
+        for i in 0..BLOCK {
+            let (column, row);
+            (column, right[i]) = split(tap.x * scale_px[i]);
+            (row, down[i]) = split(tap.y * scale_px[i]);
+            offset[i] = row * stride as i32 + column;
+        }
+        Places { few: Few::of(&offset), offset, right, down }
+    }
+
+    /// Bilinear look-ups of a block from index `at` on.
+    #[inline(always)]
+    fn read(&self, plane: &[f32], at: usize, stride: usize) -> [f32; BLOCK] {
+        let mut out = [0.0; BLOCK];
+        match &self.few {
+            Some(few) => {
+                for &offset in &few.found[..few.count] {
+                    let first = at.wrapping_add_signed(offset as isize);
+                    let (a, b) = (block(plane, first), block(plane, first + 1));
+                    let (c, d) = (block(plane, first + stride), block(plane, first + stride + 1));
+                    for i in 0..BLOCK {
+                        let v = bilinear(a[i], b[i], c[i], d[i], self.right[i], self.down[i]);
+                        out[i] = if self.offset[i] == offset { v } else { out[i] };
+                    }
+                }
+            }
+            None => {
+                for i in 0..BLOCK {
+                    let first = (at + i).wrapping_add_signed(self.offset[i] as isize);
+                    // Two slices, so that only they are checked and not each of the four.
+                    let (above, below) =
+                        (&plane[first..first + 2], &plane[first + stride..first + stride + 2]);
+                    out[i] = bilinear(above[0], above[1], below[0], below[1], self.right[i], self.down[i]);
+                }
+            }
+        }
+        out
+    }
+}
+
+/// A few different offsets.
+struct Few {
+    found: [i32; Few::MOST],
+    count: usize,
+}
+
+impl Few {
+    /// For more than these, reading every pixel by itself costs less.
+    const MOST: usize = 6;
+
+    /// The values in a block from the least on.
+    #[inline(always)]
+    fn of(block: &[i32; BLOCK]) -> Option<Few> {
+        let mut few = Few { found: [i32::MAX; Few::MOST], count: 0 };
+        let mut last = i32::MIN;
+        loop {
+            // The least of those beyond the last one.
+            let mut next = i32::MAX;
+            for &v in block {
+                next = next.min(if v > last { v } else { i32::MAX });
+            }
+            if next == i32::MAX {
+                return Some(few);
+            }
+            *few.found.get_mut(few.count)? = next;
+            few.count += 1;
+            last = next;
+        }
+    }
+}
+
+/// The average over all taps for a block from index `at` on.
+#[inline(always)]
+fn average<const C: usize>(
+    plan: &Plan,
+    window: &Window,
+    at: usize,
+    scale_px: &[f32; BLOCK],
+) -> [[f32; BLOCK]; C] {
+    let disparity = block(window.plane(C), at);
+    let mut total = [plan.centre; BLOCK];
+    let centre: [[f32; BLOCK]; C] = blocks(window, at);
+    let mut moved = [[0.0f32; BLOCK]; C];
+    for tap in &plan.taps {
+        let places = Places::new(tap, scale_px, window.stride);
+        let mut counts = [tap.weight; BLOCK];
+        if plan.leak_test == LeakTest::On {
+            let tap_disparity = places.read(window.plane(C), at, window.stride);
+            let tap_blurriness = places.read(window.plane(C + 1), at, window.stride);
+            for i in 0..BLOCK {
+                counts[i] *= contribution(disparity[i], tap_disparity[i], tap_blurriness[i]);
+            }
+        }
+        for i in 0..BLOCK {
+            total[i] += counts[i];
+        }
+        for c in 0..C {
+            let color = places.read(window.plane(c), at, window.stride);
+            for i in 0..BLOCK {
+                moved[c][i] += counts[i] * (color[i] - centre[c][i]);
+            }
+        }
+    }
+    for c in 0..C {
+        for i in 0..BLOCK {
+            // Where nothing counts at all the pixel keeps its colour.
+            moved[c][i] = centre[c][i] + moved[c][i] / total[i].max(f32::MIN_POSITIVE);
+        }
+    }
+    moved
+}
+
+/// By what the pattern is scaled around each pixel of a block.
+#[inline(always)]
+fn scales_px(plan: &Plan, disparity: &[f32; BLOCK]) -> [f32; BLOCK] {
+    let mut out = [0.0; BLOCK];
+    for i in 0..BLOCK {
+        out[i] = plan.scale_px(disparity[i]);
+    }
+    out
+}
+
+/// A block of all colours.
+#[inline(always)]
+fn blocks<const C: usize>(window: &Window, at: usize) -> [[f32; BLOCK]; C] {
+    let mut out = [[0.0; BLOCK]; C];
+    for c in 0..C {
+        out[c] = *block(window.plane(c), at);
+    }
+    out
+}
+
+multiversion! {
+    /// One row of the picture.
+    fn row<const C: usize>(plan: &Plan, window: &Window, y: usize, out: &mut [f32]) {
+        for (i, out) in out.chunks_mut(BLOCK * C).enumerate() {
+            let at = window.index(i * BLOCK, y);
+            let scale_px = scales_px(plan, block(window.plane(C), at));
+            let blurred = if scale_px == [0.0; BLOCK] {
+                blocks::<C>(window, at)
+            } else {
+                average::<C>(plan, window, at, &scale_px)
+            };
+            interleave(&blurred, out);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_are_split_into_whole_and_fraction() {
+        for x in [0.0f32, 0.25, 0.5, 0.75, 1.0, 1.5, 2.5, -0.25, -0.5, -1.0, -1.5, -2.75, 511.125, -511.125] {
+            assert_eq!(split(x), (x.floor() as i32, x - x.floor()), "{x}");
+        }
+    }
+
+    #[test]
+    fn few_offsets_are_found_once_each() {
+        let mut offsets = [7; BLOCK];
+        assert_eq!(Few::of(&offsets).map(|f| f.found[..f.count].to_vec()), Some(vec![7]));
+        offsets[3] = -20;
+        offsets[60] = 9;
+        assert_eq!(Few::of(&offsets).map(|f| f.found[..f.count].to_vec()), Some(vec![-20, 7, 9]));
+        assert!(Few::of(&std::array::from_fn(|i| i as i32 % 7)).is_none());
+    }
+}
