@@ -69,7 +69,7 @@ endif
 NO_LIBPYTHON = @echo 'SKIPPED: cargo test: this Python has no library to link with (Debian: python3-dev)'
 
 bench: $(DEMO)/.installed
-	$(DEMO)/bin/python $(PIP) install --quiet opencv-python-headless
+	$(DEMO)/bin/python $(PIP) install --quiet --group bench
 	$(DEMO)/bin/python tests/bench/peers.py
 	$(DEMO)/bin/python tests/bench/methods.py
 

@@ -1,9 +1,10 @@
-"""How fast dofsim renders full HD, beside the plainest blur of the same width; and the memory it takes.
+"""How fast dofsim renders full HD, beside plainer blurs of the same width; and the memory it takes.
 
-Run `make bench`, or this file with OpenCV installed. The picture is textured planes at several depths with
-edges between them, the lens is focused on the middle one. The peer is `cv2.filter2D` with the largest disc:
-one blur for all pixels, no depth, no visibility. It shows what a plain blur costs here, in the same run.
-Memory is the most held so far, beyond the picture itself.
+Run `make bench`, or this file with the dependency group `bench` installed. The picture is textured planes at
+several depths with edges between them, the lens is focused on the middle one. The peers, in the same run and
+on as many threads: the plain gather, where every pixel is the mean over its own disc, without visibility, by
+running sums in numba; and `cv2.filter2D` with the largest disc, the same for all pixels. Memory is the most
+held so far, beyond the picture itself. The first row is the first render of the process.
 """
 
 import argparse
@@ -15,7 +16,9 @@ from collections.abc import Callable
 
 import cv2
 import dofsim
+import numba
 import numpy as np
+from gather import gather
 from numpy.typing import NDArray
 
 WIDTH, HEIGHT = 1920, 1080
@@ -84,28 +87,39 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=3, help="the best of so many is taken")
     parser.add_argument("--threads", type=int, help="threads of both; all by default")
     arguments = parser.parse_args()
-    if arguments.threads:
-        cv2.setNumThreads(arguments.threads)
+    threads = arguments.threads or cv2.getNumThreads()
+    cv2.setNumThreads(threads)
+    numba.set_num_threads(threads)
     color, depth = planes()
     before = peak_mib()
     megapixels = WIDTH * HEIGHT / 1e6
-    print(f"{WIDTH} x {HEIGHT}, {cv2.getNumThreads()} threads, best of {arguments.runs}")
+    print(f"{WIDTH} x {HEIGHT}, {threads} threads, best of {arguments.runs}")
     print(
-        f"{'largest CoC':>12}{'render':>10}{'':>13}{'plain disc blur':>18}{'':>8}{'ratio':>8}{'memory':>13}"
+        f"{'largest CoC':>12}{'render':>10}{'':>13}{'memory':>11}"
+        f"{'plain gather':>16}{'ratio':>8}{'one disc':>12}{'ratio':>8}"
     )
     for largest in LARGEST_COC_PX:
         lens = lens_of(largest)
 
         def render(lens: dofsim.Lens = lens) -> object:
-            return dofsim.render(color, depth, lens, threads=arguments.threads)
+            return dofsim.render(color, depth, lens, threads=threads)
 
+        if largest == LARGEST_COC_PX[0]:
+            first = best_of(1, render)
+            print(
+                f"{largest:>9} px{first:>8.2f} s{megapixels / first:>8.2f} Mpx/s"
+                f"{peak_mib() - before:>7.0f} MiB"
+            )
         seconds = best_of(arguments.runs, render)
         memory = peak_mib() - before
+        radius_px = dofsim.coc(depth, lens)
+        gather(color, radius_px)
+        plain = best_of(arguments.runs, lambda radius_px=radius_px: gather(color, radius_px))
         kernel = disc(largest)
-        peer = best_of(arguments.runs, lambda kernel=kernel: cv2.filter2D(color, -1, kernel))
+        one = best_of(arguments.runs, lambda kernel=kernel: cv2.filter2D(color, -1, kernel))
         print(
-            f"{largest:>9} px{seconds:>8.2f} s{megapixels / seconds:>8.2f} Mpx/s"
-            f"{peer:>10.2f} s{megapixels / peer:>8.2f} Mpx/s{seconds / peer:>7.1f}x{memory:>9.0f} MiB"
+            f"{largest:>9} px{seconds:>8.2f} s{megapixels / seconds:>8.2f} Mpx/s{memory:>7.0f} MiB"
+            f"{plain:>14.2f} s{seconds / plain:>7.1f}x{one:>10.2f} s{seconds / one:>7.1f}x"
         )
 
 
