@@ -210,6 +210,47 @@ def test_written_png_is_read_by_others(tmp_path, rng, dtype, channels):
     np.testing.assert_array_equal(np.atleast_3d(io.read_color(path).pixels), pixels)
 
 
+# Photographs
+
+
+@pytest.mark.parametrize(
+    ("suffix", "options"), [("bmp", {}), ("webp", {"lossless": True}), ("jpg", {"quality": 95})]
+)
+@pytest.mark.parametrize("mode", ["L", "RGB"])
+def test_photographs_written_by_pillow(tmp_path, suffix, options, mode):
+    path = tmp_path / f"a.{suffix}"
+    # Smooth, and the same in all channels, for JPEG loses detail and colour.
+    y, x = np.mgrid[:24, :40]
+    pixels = np.stack([5 * x + 2 * y] * len(mode), axis=-1).astype(np.uint8).squeeze()
+    PillowImage.fromarray(pixels, mode).save(path, **options)
+    image = io.read_color(path)
+    assert image.transfer == "srgb"
+    assert image.alpha == "none"
+    # Pillow's WebP is always in colour.
+    expected = pixels if image.pixels.ndim == pixels.ndim else np.repeat(pixels[..., None], 3, axis=-1)
+    np.testing.assert_allclose(image.pixels, expected, atol=2 if suffix == "jpg" else 0)
+
+
+def test_radiance_written_by_opencv(tmp_path, rng):
+    path = tmp_path / "a.hdr"
+    pixels = (100.0 * rng.random((9, 16, 3))).astype(np.float32)
+    assert cv2.imwrite(str(path), pixels[..., ::-1])
+    image = io.read_color(path)
+    assert image.transfer == "linear"
+    # One exponent for three channels, eight bits each.
+    np.testing.assert_allclose(image.pixels, pixels, atol=pixels.max() / 128.0)
+
+
+def test_a_turned_photograph_is_refused(tmp_path):
+    path = tmp_path / "a.jpg"
+    picture = PillowImage.fromarray(np.zeros((8, 8, 3), np.uint8))
+    exif = picture.getexif()
+    exif[0x0112] = 6
+    picture.save(path, exif=exif)
+    with pytest.raises(ValueError, match="orientation 6"):
+        io.read_color(path)
+
+
 # TIFF
 
 

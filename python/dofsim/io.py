@@ -136,7 +136,7 @@ def read_color(
     Parameters
     ----------
     path : str or path-like
-        An OpenEXR, PNG, TIFF, PFM, NPY or NPZ file.
+        An OpenEXR, PNG, JPEG, WebP, BMP, Radiance HDR, TIFF, PFM, NPY or NPZ file.
     layer : str, optional
         Which layer of an OpenEXR file (``"ViewLayer.Combined"``; ``""`` for channels outside any layer) or
         which array of an NPZ file. Without it the layer is chosen by its name, see `dofsim._channels`; in an
@@ -207,7 +207,7 @@ def read_depth(
     Parameters
     ----------
     path : str or path-like
-        An OpenEXR, PNG, TIFF, PFM, NPY or NPZ file. All but OpenEXR and NPZ must have a single channel.
+        A file of any kind that `read_color` reads. All but OpenEXR and NPZ must have a single channel.
     channel : str, optional
         Which channel of an OpenEXR file or which array of an NPZ file. Without it the channel is chosen by
         its name, see `dofsim._channels`; in an NPZ file it is ``depth``, ``z`` or the only array.

@@ -11,6 +11,14 @@ pub enum Kind {
     Exr,
     /// Portable Network Graphics.
     Png,
+    /// Joint Photographic Experts Group.
+    Jpeg,
+    /// WebP.
+    WebP,
+    /// Windows bitmap.
+    Bmp,
+    /// Radiance's shared exponent.
+    Hdr,
     /// Tagged Image File Format.
     Tiff,
     /// Portable float map.
@@ -27,6 +35,10 @@ impl Kind {
         match self {
             Self::Exr => "exr",
             Self::Png => "png",
+            Self::Jpeg => "jpeg",
+            Self::WebP => "webp",
+            Self::Bmp => "bmp",
+            Self::Hdr => "hdr",
             Self::Tiff => "tiff",
             Self::Pfm => "pfm",
             Self::Npy => "npy",
@@ -35,9 +47,13 @@ impl Kind {
     }
 }
 
-const KINDS: [(&[u8], Kind); 11] = [
+const KINDS: [(&[u8], Kind); 15] = [
     (b"\x76\x2f\x31\x01", Kind::Exr),
     (b"\x89PNG\r\n\x1a\n", Kind::Png),
+    (b"\xff\xd8\xff", Kind::Jpeg),
+    (b"RIFF", Kind::WebP),
+    (b"BM", Kind::Bmp),
+    (b"#?", Kind::Hdr),
     (b"II*\0", Kind::Tiff),
     (b"MM\0*", Kind::Tiff),
     (b"II+\0", Kind::Tiff),
@@ -50,12 +66,8 @@ const KINDS: [(&[u8], Kind); 11] = [
 ];
 
 /// Formats that are often met in the place of the accepted ones, to be called by their names.
-const FOREIGN: [(&[u8], &str); 8] = [
-    (b"\xff\xd8\xff", "a JPEG picture"),
-    (b"#?", "a Radiance HDR picture"),
+const FOREIGN: [(&[u8], &str); 4] = [
     (b"GIF8", "a GIF picture"),
-    (b"BM", "a BMP picture"),
-    (b"RIFF", "a RIFF file (WebP?)"),
     (b"P6", "a PPM picture"),
     (b"\x89HDF", "an HDF5 file"),
     (b"PIEH", "a Sintel or Middlebury .dpt/.flo file"),
@@ -70,7 +82,7 @@ pub fn kind(path: &Path) -> Result<Kind> {
             Some(&(_, kind)) => Ok(kind),
             None => Err(Problem::Unsupported {
                 found: describe(&start),
-                accepted: "OpenEXR, PNG, TIFF, PFM, NPY and NPZ files",
+                accepted: "OpenEXR, PNG, JPEG, WebP, BMP, Radiance HDR, TIFF, PFM, NPY and NPZ files",
             }),
         }
     })

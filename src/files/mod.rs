@@ -1,4 +1,4 @@
-//! Pictures and depth maps on disk: OpenEXR, PNG, TIFF and PFM.
+//! Pictures and depth maps on disk.
 //!
 //! Every reader takes the size that a header claims as a claim. Before memory is set aside for it, it is
 //! held against the length of the file ([`check_claim`]). Every writer goes through [`atomic::replace`], so
@@ -9,6 +9,7 @@ mod error;
 mod kind;
 pub mod openexr;
 pub mod pfm;
+mod photo;
 pub mod png;
 pub mod tiff;
 
@@ -16,6 +17,7 @@ pub use error::{FileError, Problem, Result};
 pub use kind::{Kind, kind};
 
 use half::f16;
+use image::ImageFormat;
 use std::fs::File;
 use std::io::BufReader;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -99,16 +101,20 @@ impl Shape {
     }
 }
 
-/// Reads a PNG, TIFF or PFM file, whichever its first bytes say it is.
+/// Reads a file of any kind but OpenEXR and NumPy's, whichever its first bytes say it is.
 pub fn read_raster(path: &Path) -> Result<Raster> {
     let kind = kind(path)?;
     with_path(path, || match kind {
-        Kind::Png => png::read(open(path)?),
+        Kind::Png => photo::read(open(path)?, ImageFormat::Png),
+        Kind::Jpeg => photo::read(open(path)?, ImageFormat::Jpeg),
+        Kind::WebP => photo::read(open(path)?, ImageFormat::WebP),
+        Kind::Bmp => photo::read(open(path)?, ImageFormat::Bmp),
+        Kind::Hdr => photo::read(open(path)?, ImageFormat::Hdr),
         Kind::Tiff => tiff::read(open(path)?),
         Kind::Pfm => pfm::read(open(path)?),
         Kind::Exr | Kind::Npy | Kind::Npz => Err(Problem::Unsupported {
             found: format!("a file of kind {}", kind.name()),
-            accepted: "PNG, TIFF or PFM",
+            accepted: "PNG, JPEG, WebP, BMP, Radiance HDR, TIFF or PFM",
         }),
     })
 }

@@ -1,44 +1,8 @@
-//! PNG with 8 and 16 bits a sample.
+//! PNG with 8 and 16 bits a sample, written with the mark of sRGB, which the `image` crate does not offer.
 
-use super::{Alpha, Pixels, Problem, Raster, Result, Samples, Shape, Source, atomic, check_claim};
-use ::png::{BitDepth, ColorType, Decoder, DecodingError, Encoder, EncodingError, Limits, Transformations};
+use super::{Pixels, Problem, Result, Shape, atomic};
+use ::png::{BitDepth, ColorType, Encoder, EncodingError};
 use std::path::Path;
-
-pub(super) fn read(source: Source) -> std::result::Result<Raster, Problem> {
-    let length = source.length;
-    let mut decoder = Decoder::new(source.reader);
-    // Palettes, one to four bits and transparent colours become whole channels; 16 bits stay 16.
-    decoder.set_transformations(Transformations::EXPAND);
-    let info = decoder.read_header_info()?;
-    let (width, height) = (info.width as usize, info.height as usize);
-    let claimed = width as u128 * height as u128 * 8;
-    check_claim(claimed, length)?;
-    // The claim is plausible by now; the decoder's own bound must not be the tighter one.
-    decoder.set_limits(Limits { bytes: usize::MAX });
-
-    let mut reader = decoder.read_info()?;
-    let (color, depth) = reader.output_color_type();
-    let size = reader
-        .output_buffer_size()
-        .ok_or_else(|| Problem::Damaged("its size does not fit into memory".into()))?;
-    let mut bytes = vec![0; size];
-    reader.next_frame(&mut bytes)?;
-
-    let (channels, alpha) = match color {
-        ColorType::Grayscale => (1, Alpha::None),
-        ColorType::GrayscaleAlpha => (2, Alpha::Straight),
-        ColorType::Rgb => (3, Alpha::None),
-        ColorType::Rgba => (4, Alpha::Straight),
-        ColorType::Indexed => return Err(Problem::Damaged("its palette is missing".into())),
-    };
-    let samples = match depth {
-        BitDepth::Sixteen => {
-            Samples::U16(bytes.as_chunks().0.iter().map(|pair| u16::from_be_bytes(*pair)).collect())
-        }
-        _ => Samples::U8(bytes),
-    };
-    Ok(Raster { width, height, channels, alpha, samples })
-}
 
 /// Writes 1 to 4 channels of 8 or 16 bits, marked as sRGB, alpha straight.
 pub fn write(path: &Path, pixels: Pixels<'_>, shape: Shape) -> Result<()> {
@@ -73,15 +37,6 @@ pub fn write(path: &Path, pixels: Pixels<'_>, shape: Shape) -> Result<()> {
         }
         Ok(())
     })
-}
-
-impl From<DecodingError> for Problem {
-    fn from(error: DecodingError) -> Self {
-        match error {
-            DecodingError::IoError(error) => error.into(),
-            other => Self::Damaged(other.to_string()),
-        }
-    }
 }
 
 impl From<EncodingError> for Problem {

@@ -134,7 +134,7 @@ pub struct ExrPart {
     display_window: (i32, i32, usize, usize),
 }
 
-/// The format of a file by its first bytes: "exr", "png", "tiff", "pfm", "npy" or "npz".
+/// The format of a file by its first bytes: "exr", "png", "jpeg", "webp", "bmp", "hdr", "tiff", "pfm", "npy" or "npz".
 #[pyfunction]
 pub fn file_kind(py: Python<'_>, path: PathBuf) -> PyResult<&'static str> {
     Ok(py.detach(|| files::kind(&path))?.name())
