@@ -177,9 +177,13 @@ fn unmix_pixel(frame: &Frame, x: usize, y: usize) -> Option<Mixed> {
     Some(Mixed { index, s_front, front, coverage, s_back, back })
 }
 
+/// How far around a pixel [`spread`] looks: one lamp on a surface makes others there likely.
+const SPREAD_RING: i32 = 8;
+
 /// Mean squared difference, around a pixel, of a surface's pixels from its pure colour.
 fn spread(frame: &Frame, x: usize, y: usize, s_surface: f32, pure: [f32; 4]) -> f32 {
-    let around = (-2..=2).flat_map(|dy| (-2..=2).map(move |dx| (dx, dy))).filter(|&d| d != (0, 0));
+    let offsets = || -SPREAD_RING..=SPREAD_RING;
+    let around = offsets().flat_map(|dy| offsets().map(move |dx| (dx, dy))).filter(|&d| d != (0, 0));
     let (mut sum, mut count) = (0.0, 0.0f32);
     for q in around.filter_map(|(dx, dy)| frame.offset(x, y, dx, dy)) {
         if (frame.s[q] - s_surface).abs() < CONNECTED_PX {
