@@ -13,6 +13,8 @@ use rayon::prelude::*;
 
 /// Pixels worked on at once.
 const LANES: usize = 8;
+/// Columns worked down at once.
+const STRIP: usize = 64;
 /// Columns and rows over which it is asked once how far light comes.
 const BLOCK: (usize, usize) = (64, 8);
 
@@ -157,22 +159,24 @@ impl Field {
         for (row, to) in (0..area).step_by(self.stride).enumerate() {
             let from = beyond(row, origin.1, self.before.1, size.height) * size.width;
             let disparity = &frame.layer.disparity[from..][..size.width];
-            for (i, &x) in columns.iter().enumerate() {
-                let coc = (frame.coc)(disparity[x]);
-                let in_front = if coc < 0.0 { 1.0 } else { 0.0 };
-                let inverse = if coc == 0.0 { 0.0 } else { 1.0 / coc.abs() };
-                let mut set = |plane: usize, value: f32| self.values[plane + to + i] = value;
-                set(self.coc, coc);
-                set(self.inverse, inverse);
-                set(near.coverage, in_front);
-                set(near.radius, in_front * coc.abs());
-                set(near.inverse, in_front * inverse);
-                set(rest.seen, 1.0 - in_front);
-                for c in 0..size.channels {
-                    let color = frame.layer.color[c * size.pixels() + from + x];
-                    set(near.color + c * area, in_front * color);
-                    set(rest.color + c * area, (1.0 - in_front) * color);
-                }
+            let coc: Vec<f32> = columns.iter().map(|&x| (frame.coc)(disparity[x])).collect();
+            let values = &mut self.values;
+            let mut fill = |plane: usize, value: &dyn Fn(usize) -> f32| {
+                let row = &mut values[plane + to..][..coc.len()];
+                row.iter_mut().enumerate().for_each(|(i, out)| *out = value(i));
+            };
+            let in_front = |i: usize| if coc[i] < 0.0 { 1.0 } else { 0.0 };
+            let inverse = |i: usize| if coc[i] == 0.0 { 0.0 } else { 1.0 / coc[i].abs() };
+            fill(self.coc, &|i| coc[i]);
+            fill(self.inverse, &inverse);
+            fill(near.coverage, &in_front);
+            fill(near.radius, &|i| if coc[i] < 0.0 { -coc[i] } else { 0.0 });
+            fill(near.inverse, &|i| in_front(i) * inverse(i));
+            fill(rest.seen, &|i| 1.0 - in_front(i));
+            for c in 0..size.channels {
+                let color = &frame.layer.color[c * size.pixels() + from..][..size.width];
+                fill(near.color + c * area, &|i| if coc[i] < 0.0 { color[columns[i]] } else { 0.0 });
+                fill(rest.color + c * area, &|i| if coc[i] < 0.0 { 0.0 } else { color[columns[i]] });
             }
         }
         self.reach = Reach::new(&self.values[self.coc..][..area], self.stride);
@@ -237,16 +241,16 @@ fn lane_mut(plane: &mut [f32], at: usize) -> &mut Lane {
 }
 
 #[inline(always)]
-fn look_up(at: usize, tap: &Tap, stride: usize) -> usize {
+fn look_up(at: usize, tap: Tap, stride: usize) -> usize {
     at.wrapping_add_signed(tap.dy as isize * stride as isize + tap.dx as isize)
 }
 
 /// The part of the light of a circle of confusion that a step of a line receives.
 #[inline(always)]
-fn part(tap: &Tap, radius: f32, inverse: f32) -> f32 {
-    let (beyond, step) = (radius - tap.from_px, tap.to_px - tap.from_px);
+fn part(tap: Tap, radius: f32, inverse: f32) -> f32 {
+    let beyond = radius - tap.from_px;
     let reached = if beyond > 0.0 { beyond } else { 0.0 };
-    let reached = if reached < step { reached } else { step };
+    let reached = if reached < tap.step_px { reached } else { tap.step_px };
     tap.share * reached * inverse
 }
 
@@ -266,9 +270,9 @@ impl<const C: usize> NearSum<C> {
     #[inline(always)]
     fn add(&mut self, field: &Field, near: Near, line: &[Tap], at: usize, reach: f32) {
         let values = &field.values;
-        for tap in line.iter().take_while(|tap| tap.from_px < reach) {
+        for &tap in line.iter().take_while(|tap| tap.from_px < reach) {
             let from = look_up(at, tap, field.stride);
-            let (radius, inverse) = (lane(values, near.radius + from), lane(values, near.inverse + from));
+            let (radius, inverse) = (*lane(values, near.radius + from), *lane(values, near.inverse + from));
             let coverage = lane(values, near.coverage + from);
             let mut weight = [0.0; LANES];
             for i in 0..LANES {
@@ -317,20 +321,18 @@ impl<const C: usize> RestSum<C> {
     #[inline(always)]
     fn add(&mut self, field: &Field, rest: Rest, line: &[Tap], at: usize, reach: f32) {
         let values = &field.values;
-        let (own_coc, own_inverse) = (lane(values, field.coc + at), lane(values, field.inverse + at));
+        let (own_coc, own_inverse) = (*lane(values, field.coc + at), *lane(values, field.inverse + at));
         let mut sum = Self::NONE;
         let mut total = [0.0; LANES];
-        for tap in line.iter().take_while(|tap| tap.from_px < reach) {
+        for &tap in line.iter().take_while(|tap| tap.from_px < reach) {
             let from = look_up(at, tap, field.stride);
-            let (coc, inverse) = (lane(values, field.coc + from), lane(values, field.inverse + from));
+            let (coc, inverse) = (*lane(values, field.coc + from), *lane(values, field.inverse + from));
             let seen = lane(values, rest.seen + from);
             let mut weight = [0.0; LANES];
             for i in 0..LANES {
-                let in_front = own_coc[i] < 0.0;
-                let near_enough = coc[i] < 2.0 * own_coc[i];
-                let radius = if in_front { -own_coc[i] } else { coc[i] };
-                let inverse = if in_front { own_inverse[i] } else { inverse[i] };
-                weight[i] = if in_front | near_enough { part(tap, radius, inverse) } else { 0.0 };
+                let near_enough = if coc[i] < 2.0 * own_coc[i] { coc[i] } else { 0.0 };
+                // Of the two, only one is not zero: a negative radius has no part.
+                weight[i] = part(tap, near_enough, inverse[i]) + part(tap, -own_coc[i], own_inverse[i]);
                 total[i] += weight[i];
                 sum.seen[i] += weight[i] * seen[i];
             }
@@ -440,18 +442,26 @@ multiversion! {
     fn shade_tile<const C: usize>(plan: &Plan, field: &mut Field, tile: &mut Tile) {
         let (columns, rows) = (tile.rows[0].len() / C, tile.rows.len());
         let left = field.second.left.next_multiple_of(LANES);
-        for y in 0..rows + field.second.above + field.second.below {
-            let first = field.index(-(left as isize), y as isize - field.second.above as isize);
-            for x in (0..left + columns + field.second.right).step_by(LANES) {
-                gather::<C>(plan, field, first + x);
+        // Down narrow strips, whose surroundings stay in the first level of the cache.
+        let end = left + columns + field.second.right;
+        for strip in (0..end).step_by(STRIP) {
+            for y in 0..rows + field.second.above + field.second.below {
+                let first = field.index(-(left as isize), y as isize - field.second.above as isize);
+                for x in (strip..end.min(strip + STRIP)).step_by(LANES) {
+                    gather::<C>(plan, field, first + x);
+                }
             }
         }
-        for (y, row) in tile.rows.iter_mut().enumerate() {
-            for (i, out) in row.chunks_mut(LANES * C).enumerate() {
-                let colors = shade::<C>(plan, field, field.index((i * LANES) as isize, y as isize));
-                for (x, pixel) in out.chunks_exact_mut(C).enumerate() {
-                    for c in 0..C {
-                        pixel[c] = colors[c][x];
+        for strip in (0..columns).step_by(STRIP) {
+            for (y, row) in tile.rows.iter_mut().enumerate() {
+                let out = &mut row[strip * C..columns.min(strip + STRIP) * C];
+                for (i, out) in out.chunks_mut(LANES * C).enumerate() {
+                    let at = field.index((strip + i * LANES) as isize, y as isize);
+                    let colors = shade::<C>(plan, field, at);
+                    for (x, pixel) in out.chunks_exact_mut(C).enumerate() {
+                        for c in 0..C {
+                            pixel[c] = colors[c][x];
+                        }
                     }
                 }
             }

@@ -77,10 +77,10 @@ pub struct Tap {
     pub dy: i32,
     /// Part of the step that this pixel stands for: a line passes between two pixels.
     pub share: f32,
-    /// The step reaches from here ...
+    /// Radius of the circle of confusion that gets as far as where the step begins.
     pub from_px: f32,
-    /// ... to here, as the radius of the circle of confusion that gets so far.
-    pub to_px: f32,
+    /// By how much the radius of one that gets as far as its end is larger.
+    pub step_px: f32,
 }
 
 /// What one target of the first pass is made of, and where the second pass takes it.
@@ -186,8 +186,8 @@ fn line(angle: f64, length: f64, reach_px: f64) -> Vec<Tap> {
         let mut d = [0; 2];
         d[major] = direction * k as i32;
         d[minor] = across as i32;
-        let [from_px, to_px] = part.map(|steps| (steps * radius_of_step) as f32);
-        taps.push(Tap { dx: d[0], dy: d[1], share: share as f32, from_px, to_px });
+        let [from_px, step_px] = [part[0], part[1] - part[0]].map(|steps| (steps * radius_of_step) as f32);
+        taps.push(Tap { dx: d[0], dy: d[1], share: share as f32, from_px, step_px });
     };
     let along_axis = slope.abs() < ALONG_AXIS;
     for k in 0..=(reach_px / radius_of_step + 0.5) as usize {
@@ -229,7 +229,7 @@ mod tests {
             let plan = plan(blades, rotation, 20.0);
             for line in plan.targets.iter().flat_map(|t| t.gathered.iter().chain(&t.spread)) {
                 for radius in [0.2f32, 1.0, 3.3, 19.9] {
-                    let part = |t: &Tap| t.share * ((radius - t.from_px).clamp(0.0, t.to_px - t.from_px));
+                    let part = |t: &Tap| t.share * (radius - t.from_px).clamp(0.0, t.step_px);
                     let sum: f32 = line.iter().map(part).sum();
                     assert!((sum / radius - 1.0).abs() < 1e-5, "{blades} {rotation} {radius}: {sum}");
                 }
