@@ -79,7 +79,7 @@ def test_a_bright_point_is_an_even_polygon(radius_px, n, rotation):
     even = brightness[inside(n, rotation, apothem - 2.0)]
     assert even.mean() == pytest.approx(1.0, abs=0.02)
     assert even.std() < 0.06
-    assert brightness[~inside(n, rotation, apothem + 2.0)].max() < 0.02
+    assert brightness[~inside(n, rotation, apothem + 2.0)].max() < 0.03
     assert out.sum() == pytest.approx(1.0, abs=1e-5)
 
 
@@ -161,10 +161,10 @@ def test_sizes_change_without_a_step():
     picture = np.zeros((61, 61), np.float32)
     picture[30, 30] = 1.0
     radii = np.arange(4.0, 7.0, 0.125)
-    # Just outside a corner of the smallest: it sets in smoothly as the hexagon grows over it.
-    seen = np.array([render(picture, np.full((61, 61), r))[25, 30] for r in radii])
-    assert seen[0] < 0.1 * seen.max()
-    assert np.abs(np.diff(seen)).max() < 0.25 * seen.max()
+    # On the rim of the smallest, inside the largest: brightness grows with the hexagon, and not by whole pixels.
+    seen = np.array([render(picture, np.full((61, 61), r))[26, 28] for r in radii])
+    assert seen[0] < 0.3 * seen.max()
+    assert np.abs(np.diff(seen)).max() < 0.15 * seen.max()
 
 
 def test_circles_of_confusion_are_cut_at_their_largest(color, edges):

@@ -184,7 +184,7 @@ def render_command(
         options.make_lens(words),
         method=method,
         device=device,
-        aperture=dofsim.Aperture(**opening),
+        aperture=dofsim.Aperture(**opening) if opening else None,
         depth_kind=depth_kind,
         near=near,
         far=far,

@@ -3,7 +3,7 @@
 use super::border::mirrored;
 use super::simd::{Simd, multiversion};
 
-/// A target whose pixels are `scale` times as large along each axis; `scale` is 1 or even.
+/// A target whose pixels are `scale` times as large along each axis; `scale` is a power of two.
 pub struct Enlarge {
     /// How far between two pixels of the target the picture's pixels lie, from the first one past a centre.
     fractions: Vec<f32>,
@@ -37,7 +37,12 @@ impl Enlarge {
     pub fn row(&mut self, simd: Simd, y: usize, rows: [&[f32]; 2], out: &mut [f32]) {
         let fraction = self.fractions[(y + self.first()) % self.fractions.len()];
         between(simd, fraction, rows, &mut self.between);
-        stretch(simd, &self.fractions, &self.between, out);
+        match self.fractions.len() {
+            1 => stretch::<1>(simd, &self.fractions, &self.between, out),
+            2 => stretch::<2>(simd, &self.fractions, &self.between, out),
+            4 => stretch::<4>(simd, &self.fractions, &self.between, out),
+            _ => stretch::<8>(simd, &self.fractions, &self.between, out),
+        }
     }
 }
 
@@ -53,11 +58,14 @@ multiversion! {
 }
 
 multiversion! {
-    /// Interpolates between every two neighbours of a row at all `fractions`.
-    fn stretch(fractions: &[f32], row: &[f32], out: &mut [f32]) {
+    /// Interpolates between every two neighbours of a row at all `fractions`, a multiple of `N` of them.
+    fn stretch<const N: usize>(fractions: &[f32], row: &[f32], out: &mut [f32]) {
+        let (fractions, out) = (fractions.as_chunks::<N>().0, out.as_chunks_mut::<N>().0);
         for (out, v) in out.chunks_exact_mut(fractions.len()).zip(row.windows(2)) {
-            for (out, fraction) in out.iter_mut().zip(fractions) {
-                *out = v[0] + fraction * (v[1] - v[0]);
+            for (out, fractions) in out.iter_mut().zip(fractions) {
+                for i in 0..N {
+                    out[i] = v[0] + fractions[i] * (v[1] - v[0]);
+                }
             }
         }
     }
@@ -69,7 +77,7 @@ mod tests {
 
     #[test]
     fn a_ramp_stays_a_ramp_between_the_outer_centres() {
-        for scale in [1usize, 2, 4] {
+        for scale in [1usize, 2, 4, 16] {
             let ramp: Vec<f32> = (0..5).map(|x| (x as f32 + 0.5) * scale as f32 - 0.5).collect();
             let mut enlarge = Enlarge::new(scale, ramp.len());
             let mut out = enlarge.new_row();

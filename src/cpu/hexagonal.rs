@@ -40,7 +40,13 @@ pub fn render(
         |field, tile| {
             cancel.check()?;
             field.read(&frame, tile.origin);
-            with_channels!(size.channels, C => shade_tile::<C>(simd, &plan, field, tile));
+            with_channels!(size.channels, C => {
+                if field.reach.is_none() {
+                    copy_tile::<C>(layer, size, tile);
+                } else {
+                    shade_tile::<C>(simd.narrow(), &plan, field, tile);
+                }
+            });
             Ok(())
         },
     )?;
@@ -219,6 +225,11 @@ impl Reach {
             }
         }
         Reach { across, near, rest }
+    }
+
+    /// Whether there is nothing but what is in focus.
+    fn is_none(&self) -> bool {
+        self.near.iter().chain(&self.rest).all(|reach| *reach == 0.0)
     }
 
     /// The reach of light in front and of the rest at index `at` of a plane.
@@ -434,6 +445,18 @@ impl Layers {
         let excess = if self.coverage > 1.0 { self.coverage } else { 1.0 };
         let shown = 1.0 - self.coverage / excess;
         if coc < 0.0 { silhouette } else { self.near / excess + shown * behind }
+    }
+}
+
+/// A tile in focus.
+fn copy_tile<const C: usize>(layer: &Layer, size: Size, tile: &mut Tile) {
+    for (y, row) in tile.rows.iter_mut().enumerate() {
+        let from = (tile.origin.1 + y) * size.width + tile.origin.0;
+        for (x, pixel) in row.chunks_exact_mut(C).enumerate() {
+            for c in 0..C {
+                pixel[c] = layer.color[c * size.pixels() + from + x];
+            }
+        }
     }
 }
 

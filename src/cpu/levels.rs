@@ -30,7 +30,7 @@ pub fn render(
     let mut half_way = Vec::new();
     for step in 1..=STEPS {
         cancel.check()?;
-        last = filter(&last, small, plan.side, simd);
+        last = filter(&last, small, plan.weights, simd);
         if step == KEPT {
             half_way.clone_from(&last);
         }
@@ -81,36 +81,48 @@ multiversion! {
 }
 
 /// One filter step along both axes of all planes.
-fn filter(planes: &[f32], size: Size, side: f32, simd: Simd) -> Vec<f32> {
+fn filter(planes: &[f32], size: Size, weights: [f32; 3], simd: Simd) -> Vec<f32> {
     let mut out = vec![0.0f32; planes.len()];
     out.par_chunks_mut(size.width).enumerate().for_each_init(
-        || vec![0.0f32; size.width],
+        || vec![0.0f32; size.width + 4],
         |column, (i, out)| {
             let (plane, y) = (i / size.height, (i % size.height) as i64);
-            let row = |y: i64| {
-                &planes[(plane * size.height + mirrored(y, size.height).0) * size.width..][..size.width]
+            let row = |dy: i64| {
+                let row = plane * size.height + mirrored(y + dy, size.height).0;
+                &planes[row * size.width..][..size.width]
             };
-            filter_row(simd, side, [row(y - 1), row(y), row(y + 1)], column, out);
+            down(simd, weights, [-2, -1, 0, 1, 2].map(row), &mut column[2..]);
+            // Beyond the ends of the row lies its mirror image.
+            for i in [0, 1, size.width + 2, size.width + 3] {
+                column[i] = column[2 + mirrored(i as i64 - 2, size.width).0];
+            }
+            across(simd, weights, column, out);
         },
     );
     out
 }
 
+/// Five values in a row, filtered.
+#[inline(always)]
+fn step([middle, beside, beyond]: [f32; 3], v: [f32; 5]) -> f32 {
+    middle * v[2] + beside * (v[1] + v[3]) + beyond * (v[0] + v[4])
+}
+
 multiversion! {
-    /// The middle one of three rows, filtered.
-    fn filter_row(side: f32, rows: [&[f32]; 3], column: &mut [f32], out: &mut [f32]) {
-        let [above, row, below] = rows;
-        let middle = 1.0 - 2.0 * side;
-        for ((out, a), (b, c)) in column.iter_mut().zip(above).zip(row.iter().zip(below)) {
-            *out = middle * b + side * (a + c);
+    /// The middle one of five rows, filtered down the columns.
+    fn down(weights: [f32; 3], rows: [&[f32]; 5], out: &mut [f32]) {
+        let rows = rows.map(|row| &row[..rows[0].len()]);
+        for (x, out) in out[..rows[0].len()].iter_mut().enumerate() {
+            *out = step(weights, [rows[0][x], rows[1][x], rows[2][x], rows[3][x], rows[4][x]]);
         }
-        let last = column.len() - 1;
-        // Next to the border's pixels lies their mirror image.
-        for (x, left, right) in [(0, 0, 1.min(last)), (last, last.saturating_sub(1), last)] {
-            out[x] = middle * column[x] + side * (column[left] + column[right]);
-        }
-        for (out, v) in out.iter_mut().skip(1).zip(column.windows(3)) {
-            *out = middle * v[1] + side * (v[0] + v[2]);
+    }
+}
+
+multiversion! {
+    /// A row with two pixels more at either end, filtered along itself.
+    fn across(weights: [f32; 3], row: &[f32], out: &mut [f32]) {
+        for (out, v) in out.iter_mut().zip(row.windows(5)) {
+            *out = step(weights, [v[0], v[1], v[2], v[3], v[4]]);
         }
     }
 }

@@ -29,18 +29,42 @@ pub fn render(
     cancel.check()?;
     with_channels!(size.channels, C => {
         let targets = accumulate::<C>(&list, layer, size, simd, cancel)?;
-        let surroundings = list.any_in_front().then(|| Surroundings::<C>::new(layer, size, settings, coc));
-        render_rows(size, cancel, || Scratch::new::<C>(targets.width), |scratch, y, out| {
-            scratch.enlarge(simd, y, &targets);
+        let scratch = || Scratch::new::<C>(targets.width);
+        // What is not in front first, for it also shows past the edges of what is.
+        let mut picture = render_rows(size, cancel, scratch, |scratch, y, out| {
+            if list.any_behind() {
+                scratch.enlarge(simd, y, &targets, Depth::Behind);
+            }
             let from = y * size.width;
             let disparity = &layer.disparity[from..][..size.width];
             for (x, (pixel, &d)) in out.chunks_exact_mut(C).zip(disparity).enumerate() {
-                let coc = coc(d);
                 let sharp = std::array::from_fn(|c| layer.color[c * size.pixels() + from + x]);
-                let seen = || surroundings.as_ref().map(|s| s.around(x, y, -coc));
-                pixel.copy_from_slice(&resolve(coc, settings.drawn(coc), sharp, scratch.lights(x), seen));
+                let coc = coc(d);
+                let drawn = if coc > 0.0 { settings.drawn(coc) } else { 0.0 };
+                pixel.copy_from_slice(&behind(sharp, drawn, || scratch.light::<C>(x)));
             }
-        })
+        })?;
+        if list.any_in_front() {
+            let drawn = |i: usize| {
+                let coc = coc(layer.disparity[i]);
+                if coc < 0.0 { (settings.drawn(coc), -coc) } else { (0.0, 0.0) }
+            };
+            let surroundings = Surroundings::<C>::new(&picture, size, |i| 1.0 - drawn(i).0);
+            let rows = picture.par_chunks_mut(size.width * C).enumerate();
+            rows.try_for_each_init(scratch, |scratch, (y, row)| {
+                cancel.check()?;
+                scratch.enlarge(simd, y, &targets, Depth::InFront);
+                for (x, pixel) in row.as_chunks_mut::<C>().0.iter_mut().enumerate() {
+                    let light = scratch.light::<C>(x);
+                    if light.coverage > 0.0 {
+                        let (drawn, radius) = drawn(y * size.width + x);
+                        *pixel = in_front(*pixel, drawn, light, || surroundings.around(x, y, radius));
+                    }
+                }
+                Ok(())
+            })?;
+        }
+        Ok(picture)
     })
 }
 
@@ -51,35 +75,49 @@ struct Light<const C: usize> {
     coverage: f32,
 }
 
-/// Puts a pixel together from itself and the layers in front and behind; `drawn` is how much of it is drawn as a
-/// sprite, and `seen` what is not in front around it.
+impl<const C: usize> Light<C> {
+    const NONE: Self = Light { color: [0.0; C], coverage: 0.0 };
+}
+
+/// The layers that sprites are drawn into, in the order of their planes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Depth {
+    InFront,
+    Behind,
+}
+
+/// A pixel of which the part `drawn` lies behind, where it shows the mean of the light from there.
 #[inline(always)]
-fn resolve<const C: usize>(
-    coc: f32,
+fn behind<const C: usize>(sharp: [f32; C], drawn: f32, light: impl Fn() -> Light<C>) -> [f32; C] {
+    if drawn == 0.0 {
+        return sharp;
+    }
+    let light = light();
+    if light.coverage == 0.0 {
+        return sharp;
+    }
+    std::array::from_fn(|c| sharp[c] + drawn * (light.color[c] / light.coverage - sharp[c]))
+}
+
+/// The light in front over a pixel, of which the part `drawn` lies there itself: that is as opaque as it is there, and
+/// lets past what is `seen` around it.
+#[inline(always)]
+fn in_front<const C: usize>(
+    rest: [f32; C],
     drawn: f32,
-    sharp: [f32; C],
-    [front, back]: [Light<C>; 2],
-    seen: impl Fn() -> Option<Light<C>>,
+    light: Light<C>,
+    seen: impl Fn() -> Light<C>,
 ) -> [f32; C] {
-    let mut rest = sharp;
-    if coc > 0.0 && back.coverage > 0.0 {
-        // The layer behind is shown on what is behind: the mean of its light.
-        rest = std::array::from_fn(|c| sharp[c] + drawn * (back.color[c] / back.coverage - sharp[c]));
-    }
-    if front.coverage == 0.0 {
-        return rest;
-    }
     // Sprites of several depths cover a pixel once.
-    let excess = if front.coverage > 1.0 { front.coverage } else { 1.0 };
-    let shown = 1.0 - front.coverage / excess;
-    let over = std::array::from_fn(|c| front.color[c] / excess + shown * rest[c]);
-    if coc >= 0.0 || drawn == 0.0 {
+    let excess = if light.coverage > 1.0 { light.coverage } else { 1.0 };
+    let shown = 1.0 - light.coverage / excess;
+    let over = std::array::from_fn(|c| light.color[c] / excess + shown * rest[c]);
+    if drawn == 0.0 {
         return over;
     }
-    // A surface in front is as opaque as it is there, and lets past what is seen around it.
-    let seen = seen().unwrap_or(Light { color: [0.0; C], coverage: 0.0 });
-    let total = front.coverage + seen.coverage;
-    std::array::from_fn(|c| over[c] + drawn * ((front.color[c] + seen.color[c]) / total - over[c]))
+    let seen = seen();
+    let total = light.coverage + seen.coverage;
+    std::array::from_fn(|c| over[c] + drawn * ((light.color[c] + seen.color[c]) / total - over[c]))
 }
 
 /// A pixel to be drawn.
@@ -133,6 +171,10 @@ impl List {
         self.lowest < 0
     }
 
+    fn any_behind(&self) -> bool {
+        self.lowest + self.sprites.len() as i32 > 1
+    }
+
     /// The sprite of a point that lies at `(x, y)`, or is mirrored there.
     fn sprite(&self, point: &Point, (x, y): (i64, i64)) -> &Sprite {
         let sprites = self.sprites[(point.step - self.lowest) as usize].as_ref();
@@ -181,12 +223,12 @@ fn accumulate<const C: usize>(
                     let color: [f32; C] =
                         std::array::from_fn(|c| point.drawn * layer.color[c * size.pixels() + at]);
                     let light = Light { color, coverage: point.drawn };
+                    let depth = if point.step < 0 { Depth::InFront } else { Depth::Behind };
                     let column = i64::from(point.column);
                     let images =
                         (-periods..=periods).flat_map(|k| [column, -1 - column].map(|x| x + k * period));
                     for x in images.filter(|x| (-reach..size.width as i64 + reach).contains(x)) {
-                        let behind = usize::from(point.step >= 0);
-                        draw(simd, band, behind, list.sprite(point, (x, y)), (x >> 1, y >> 1), &light);
+                        draw(simd, band, depth, list.sprite(point, (x, y)), (x >> 1, y >> 1), &light);
                     }
                 }
             }
@@ -232,15 +274,15 @@ impl Band {
 }
 
 multiversion! {
-    /// Adds a sprite at pixel `(x, y)` of the targets to the layer in front (0) or behind (1).
-    fn draw<const C: usize>(band: &mut Band, layer: usize, sprite: &Sprite, at: (i64, i64), light: &Light<C>) {
+    /// Adds a sprite at pixel `(x, y)` of the targets.
+    fn draw<const C: usize>(band: &mut Band, depth: Depth, sprite: &Sprite, at: (i64, i64), light: &Light<C>) {
         let top = at.1 + i64::from(sprite.top) - band.first as i64;
         let left = (at.0 + i64::from(sprite.left) + band.margin as i64) as usize;
         let first = (-top).max(0);
         for row in first..(sprite.down() as i64).min(band.rows as i64 - top) {
             let weights = &sprite.weights[row as usize * sprite.across..][..sprite.across];
             let to = (top + row) as usize * band.stride + left;
-            let planes = &mut band.planes[layer * (C + 1)..];
+            let planes = &mut band.planes[depth as usize * (C + 1)..];
             for c in 0..=C {
                 let value = if c < C { light.color[c] } else { light.coverage };
                 let sums = &mut planes[c][to..][..sprite.across];
@@ -255,35 +297,37 @@ multiversion! {
     }
 }
 
-/// Rows of both layers at full size.
+/// A row of one layer at full size.
 struct Scratch {
     enlarge: Enlarge,
-    rows: Vec<Vec<f32>>,
+    planes: Vec<Vec<f32>>,
 }
 
 impl Scratch {
     fn new<const C: usize>(width: usize) -> Scratch {
         let enlarge = Enlarge::new(2, width);
-        let rows = vec![enlarge.new_row(); planes(C)];
-        Scratch { enlarge, rows }
+        let planes = vec![enlarge.new_row(); C + 1];
+        Scratch { enlarge, planes }
     }
 
-    fn enlarge(&mut self, simd: Simd, y: usize, targets: &Targets) {
+    /// Interpolates a layer at the pixels of the picture's row `y`.
+    fn enlarge(&mut self, simd: Simd, y: usize, targets: &Targets, depth: Depth) {
         let rows = self.enlarge.rows(y, targets.height);
-        let planes = self.rows.len();
-        for (plane, out) in self.rows.iter_mut().enumerate() {
-            let rows =
-                rows.map(|row| &targets.values[(row * planes + plane) * targets.width..][..targets.width]);
+        let of_layer = self.planes.len();
+        for (plane, out) in self.planes.iter_mut().enumerate() {
+            let rows = rows.map(|row| {
+                let plane = (2 * row + depth as usize) * of_layer + plane;
+                &targets.values[plane * targets.width..][..targets.width]
+            });
             self.enlarge.row(simd, y, rows, out);
         }
     }
 
-    /// The layers in front and behind at column `x`.
+    /// The light at column `x`.
     #[inline(always)]
-    fn lights<const C: usize>(&self, x: usize) -> [Light<C>; 2] {
+    fn light<const C: usize>(&self, x: usize) -> Light<C> {
         let at = self.enlarge.first() + x;
-        [&self.rows[..=C], &self.rows[C + 1..]]
-            .map(|rows| Light { color: std::array::from_fn(|c| rows[c][at]), coverage: rows[C][at] })
+        Light { color: std::array::from_fn(|c| self.planes[c][at]), coverage: self.planes[C][at] }
     }
 }
 
@@ -296,18 +340,18 @@ struct Surroundings<const C: usize> {
 }
 
 impl<const C: usize> Surroundings<C> {
-    fn new(layer: &Layer, size: Size, settings: &Settings, coc: impl Fn(f32) -> f32 + Sync) -> Self {
+    /// Sums of an interleaved picture, of whose pixel `i` the part `rest(i)` counts.
+    fn new(picture: &[f32], size: Size, rest: impl Fn(usize) -> f32 + Sync) -> Self {
         let across = size.width + 1;
         let mut sums = vec![([0.0f64; C], 0.0f64); across * (size.height + 1)];
         // Along the rows, then down the columns.
         sums[across..].par_chunks_mut(across).enumerate().for_each(|(y, sums)| {
             let mut sum = ([0.0; C], 0.0);
             for (x, out) in sums[1..].iter_mut().enumerate() {
-                let at = y * size.width + x;
-                let coc = coc(layer.disparity[at]);
-                let rest = if coc < 0.0 { 1.0 - f64::from(settings.drawn(coc)) } else { 1.0 };
+                let i = y * size.width + x;
+                let rest = f64::from(rest(i));
                 for c in 0..C {
-                    sum.0[c] += rest * f64::from(layer.color[c * size.pixels() + at]);
+                    sum.0[c] += rest * f64::from(picture[i * C + c]);
                 }
                 sum.1 += rest;
                 *out = sum;
@@ -334,7 +378,7 @@ impl<const C: usize> Surroundings<C> {
         };
         let (xs, ys) = (ends(x, self.size.width), ends(y, self.size.height));
         let area = (xs[1] - xs[0]) * (ys[1] - ys[0]);
-        let mut light = Light { color: [0.0; C], coverage: 0.0 };
+        let mut light = Light::NONE;
         let mut sum = ([0.0; C], 0.0);
         for (sign, x, y) in
             [(1.0, xs[1], ys[1]), (-1.0, xs[0], ys[1]), (-1.0, xs[1], ys[0]), (1.0, xs[0], ys[0])]

@@ -15,7 +15,7 @@
 //! and the focus because its shaders could not compute it.
 //!
 //! The paper leaves the filter open. Here the fifth target has the variance of the disc of diameter `2 c0`, filtered at
-//! a scale at which three look-ups along each axis are enough.
+//! a scale at which five look-ups along each axis are enough.
 
 use crate::error::{Result, value_error};
 
@@ -47,8 +47,8 @@ impl Settings {
 pub struct Plan {
     /// The picture is filtered at one over this of its size along each axis: a power of two.
     pub scale: usize,
-    /// Weight of the look-ups to either side in a filter step; the middle one has the rest.
-    pub side: f32,
+    /// Weights of a filter step along either axis: of the middle, of the look-ups beside it, and of those beyond.
+    pub weights: [f32; 3],
     /// `x` for every pixel of the circle of confusion's radius, from `x = -1`.
     x_per_px: f32,
 }
@@ -57,16 +57,19 @@ impl Plan {
     /// The plan for a frame whose largest circle of confusion has this radius.
     pub fn new(settings: &Settings, largest_radius_px: f64) -> Plan {
         let c0 = settings.c0_px.unwrap_or(largest_radius_px.max(0.5));
-        // The largest power of two that leaves the last target two pixels wide.
-        let scale = 1 << (0.5 * c0).max(1.0).log2() as usize;
+        // At this size the last target's deviation is at least 1.35 pixels, smooth enough to interpolate.
+        let scale = 1 << (c0 / 2.7).max(1.0).log2() as usize;
         let s = scale as f64;
-        // Averaging blocks of s pixels and interpolating between them have the variance (s^2 - 1) / 12 and, averaged
-        // over the pixels of a block, s^2 / 6 + 1 / 12.
+        // Averaging blocks of s pixels moves light by the variance (s^2 - 1) / 12, interpolating between them by
+        // s^2 / 6 + 1 / 12 in the mean over a block.
         let resampled = if scale > 1 { 0.25 * s * s } else { 0.0 };
-        // Per axis, a disc has a sixteenth of its diameter squared; the filter (a, 1 - 2a, a) has 2 a.
+        // Per axis, a disc has a sixteenth of its diameter squared.
         let disc = (2.0 * c0).powi(2) / 16.0;
         let step = (disc - resampled) / STEPS as f64 / (s * s);
-        Plan { scale, side: (0.5 * step) as f32, x_per_px: (2.0 / c0) as f32 }
+        // (a, 1 - 2 a, a) has the variance 2 a, and twice in a row 4 a.
+        let (side, middle) = (0.25 * step, 1.0 - 0.5 * step);
+        let weights = [middle * middle + 2.0 * side * side, 2.0 * side * middle, side * side];
+        Plan { scale, weights: weights.map(|w| w as f32), x_per_px: (2.0 / c0) as f32 }
     }
 
     /// How far a pixel of this circle of confusion lies between the first target and the last.
@@ -91,10 +94,12 @@ mod tests {
 
     #[test]
     fn filters_stay_positive_and_narrow_at_every_width() {
-        for c0 in [0.5, 1.0, 1.99, 2.0, 3.9, 4.0, 7.9, 8.0, 33.0, 1024.0] {
+        for c0 in [0.5, 1.0, 2.6, 2.7, 5.3, 5.4, 10.7, 10.8, 33.0, 1024.0] {
             let plan = Plan::new(&Settings::new(Some(c0)).unwrap(), 0.0);
-            assert!(plan.side > 0.0 && plan.side <= 0.4, "{c0}: {plan:?}");
-            assert!(plan.scale.is_power_of_two() && plan.scale as f64 <= (0.5 * c0).max(1.0));
+            let [middle, beside, beyond] = plan.weights;
+            assert!(middle > beside && beside > beyond && beyond > 0.0, "{c0}: {plan:?}");
+            assert!((middle + 2.0 * (beside + beyond) - 1.0).abs() < 1e-6);
+            assert!(plan.scale.is_power_of_two() && plan.scale as f64 <= (c0 / 2.7).max(1.0));
         }
     }
 

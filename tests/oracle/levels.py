@@ -25,15 +25,16 @@ def level(diameter: NDArray[np.floating], c0: float) -> Array:
 def targets(color: NDArray[np.floating], c0_px: float) -> tuple[Array, Array]:
     """Give the third and the fifth filter step of an (H, W, C) picture."""
     height, width, _ = color.shape
-    scale = 2 ** int(np.log2(max(0.5 * c0_px, 1.0)))
+    scale = 2 ** int(np.log2(max(c0_px / 2.7, 1.0)))
     beyond = [(0, -height % scale), (0, -width % scale), (0, 0)]
     padded = np.pad(color.astype(np.float64), beyond, mode="symmetric")
     picture = padded.reshape(padded.shape[0] // scale, scale, -1, scale, color.shape[2]).mean(axis=(1, 3))
     resampled = 0.25 * scale**2 if scale > 1 else 0.0
-    side = 0.5 * (0.25 * c0_px**2 - resampled) / 5 / scale**2
+    side = 0.25 * (0.25 * c0_px**2 - resampled) / 5 / scale**2
     steps = []
     for _ in range(5):
-        for axis in (0, 1):
+        # Twice along each axis.
+        for axis in (0, 0, 1, 1):
             p = np.pad(picture, [(int(a == axis), int(a == axis)) for a in range(3)], mode="symmetric")
             n = picture.shape[axis]
             before, middle, after = (np.take(p, np.arange(n) + i, axis) for i in range(3))

@@ -72,7 +72,7 @@ def render(
     coverage = front[..., -1:]
     out = front / np.maximum(coverage, 1.0) + (1.0 - np.minimum(coverage, 1.0)) * rest
 
-    surroundings = light * np.where(coc < 0.0, 1.0 - drawn, 1.0)[..., None]
+    surroundings = rest * np.where(coc < 0.0, 1.0 - drawn, 1.0)[..., None]
     for y, x in np.argwhere((coc < 0.0) & (drawn > 0.0) & (coverage[..., 0] > 0.0)):
         half = -coc[y, x] * np.sqrt(np.pi) / 2.0
         wy, wx = (
