@@ -244,7 +244,7 @@ def lens_of(monkeypatch, *arguments):
     """Give the lens and the aperture that a command comes to."""
     calls = []
 
-    def render(color, depth, lens, *, aperture, **_):
+    def render(color, depth, lens, *, aperture=None, **_):
         calls.append((lens, aperture))
         return color
 

@@ -84,7 +84,7 @@ def test_a_bright_point_is_an_even_polygon(radius_px, n, rotation):
 
 
 def test_no_rhombus_is_brighter_than_the_others():
-    # Dividing the second target by two before the sum by two, which the comments discuss, would give 1.5, 0.75, 0.75.
+    # Dividing by two in both passes, which the comments discuss, would give 1.5, 0.75 and 0.75.
     out = point(24.0)
     y, x = np.mgrid[:81, :81] - 40
     sector = np.degrees(np.arctan2(-y, x)) % 360.0
@@ -161,7 +161,7 @@ def test_sizes_change_without_a_step():
     picture = np.zeros((61, 61), np.float32)
     picture[30, 30] = 1.0
     radii = np.arange(4.0, 7.0, 0.125)
-    # On the rim of the smallest, inside the largest: brightness grows with the hexagon, and not by whole pixels.
+    # On the rim of the smallest, inside the largest: brightness grows with the hexagon, not by whole pixels.
     seen = np.array([render(picture, np.full((61, 61), r))[26, 28] for r in radii])
     assert seen[0] < 0.3 * seen.max()
     assert np.abs(np.diff(seen)).max() < 0.15 * seen.max()
@@ -197,7 +197,7 @@ def test_scale_and_bias_on_a_z_buffer_are_the_lens():
 @pytest.mark.parametrize(
     ("aperture", "message"),
     [
-        (dofsim.Aperture(), "aperture: method=\"hexagonal\" draws clear openings of 4 or 6 blades"),
+        (dofsim.Aperture(), 'aperture: method="hexagonal" draws clear openings of 4 or 6 blades'),
         (blades(5, 0.0), "aperture: .*got another one"),
         (dofsim.Aperture(blades=6, apodization=0.3), "aperture: .*got another one"),
     ],

@@ -87,9 +87,7 @@ def test_the_papers_look_up_table_holds_what_the_lens_says():
     camera = np.linspace(0.8, 30.0, 1024)
     focus = np.linspace(1.0, 10.0, 16)
     c0 = 2e-4
-    table = oracle.level(
-        oracle.circle_of_confusion(camera[None], focus[:, None], focal_length, f_stop), c0
-    )
+    table = oracle.level(oracle.circle_of_confusion(camera[None], focus[:, None], focal_length, f_stop), c0)
     for row, distance in zip(table, focus, strict=True):
         lens = dofsim.Lens.from_camera(
             focal_length_mm=50.0, f_number=f_stop, focus_distance=distance, sensor_width_mm=36.0
@@ -100,7 +98,9 @@ def test_the_papers_look_up_table_holds_what_the_lens_says():
         np.testing.assert_allclose(row[:width], expected, atol=1e-4)
 
 
-@pytest.mark.parametrize(("c0_px", "error"), [(0.0, ValueError), (float("nan"), ValueError), ("wide", TypeError)])
+@pytest.mark.parametrize(
+    ("c0_px", "error"), [(0.0, ValueError), (float("nan"), ValueError), ("wide", TypeError)]
+)
 def test_a_diameter_that_is_none_is_refused(color, coc_px, c0_px, error):
-    with pytest.raises(error, match="^c0_px must be "):
+    with pytest.raises(error, match=r"^c0_px must be "):
         render(color, coc_px, c0_px=c0_px)

@@ -13,8 +13,8 @@ METHODS = {
     "gaussian": {"max_coc_px": 12.0},
     "hexagonal": {"max_coc_px": 12.0},
     "levels": {"c0_px": 5.0},
-    "sprites": {"sprite": np.array([[0.5, 1.0], [1.0, 1.0]]), "coc_threshold_px": 1.5},
     "taps": {"variant": "thirteen"},
+    "sprites": {"sprite": np.array([[0.5, 1.0], [1.0, 1.0]]), "coc_threshold_px": 1.5},
 }
 # What each method can be asked for, as its errors list it.
 OPTIONS = {
@@ -23,8 +23,8 @@ OPTIONS = {
     "gaussian": "focal_range, max_coc_px",
     "hexagonal": "max_coc_px",
     "levels": "c0_px",
-    "sprites": "sprite, coc_threshold_px, max_coc_px",
     "taps": "variant, hyperfocal_factor",
+    "sprites": "sprite, coc_threshold_px, max_coc_px",
 }
 
 HEIGHT, WIDTH = 70, 150

@@ -1,5 +1,7 @@
 """Sprites: against their formula, and what their text says of them."""
 
+from itertools import pairwise
+
 import cv2
 import dofsim
 import numpy as np
@@ -150,7 +152,7 @@ def test_sprites_set_in_without_a_step(color, sign):
     radii = np.arange(0.9, 2.3, 0.1)
     pictures = [render(color, np.full(color.shape[:2], sign * r)) for r in radii]
     whole = np.abs(pictures[-1] - pictures[0]).max()
-    assert all(np.abs(b - a).max() < 0.2 * whole for a, b in zip(pictures, pictures[1:], strict=False))
+    assert all(np.abs(b - a).max() < 0.2 * whole for a, b in pairwise(pictures))
 
 
 def test_circles_of_confusion_are_cut_at_their_largest(color, edges):

@@ -1,4 +1,4 @@
-"""Sprites, written down plainly: every blurred pixel drawn as the picture of the opening, at half the size."""
+"""Sprites, written down plainly: every blurred pixel drawn as a picture of the opening, at half the size."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,8 @@ Array = NDArray[np.float64]
 def drawn_radius(coc_px: float) -> float:
     """Round a signed radius to a sixteenth of a pixel below 4 px, to a quarter above."""
     size = abs(coc_px)
-    rounded = np.floor(size * 16.0 + 0.5) / 16.0 if size < 4.0 else 4.0 + np.floor((size - 4.0) * 4.0 + 0.5) / 4.0
+    small, large = np.floor(size * 16.0 + 0.5) / 16.0, np.floor(size * 4.0 + 0.5) / 4.0
+    rounded = small if size < 4.0 else large
     return float(np.copysign(rounded, coc_px))
 
 
