@@ -53,6 +53,19 @@ impl Aperture {
         Ok(Aperture { outline, apodization })
     }
 
+    /// Blades, and the first corner's angle in radians counter-clockwise on screen from the x axis; none for a disc.
+    pub fn polygon(&self) -> Option<(u32, f64)> {
+        match self.outline {
+            Outline::Disc => None,
+            Outline::Polygon { blades, first_angle } => Some((blades, first_angle)),
+        }
+    }
+
+    /// Whether all light passes, everywhere inside the outline.
+    pub fn is_clear(&self) -> bool {
+        self.apodization.is_none()
+    }
+
     /// The corners of a polygon, in lens coordinates; empty for a disc.
     fn vertices(&self) -> Vec<[f64; 2]> {
         match self.outline {

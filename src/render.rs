@@ -20,6 +20,12 @@ pub enum Method {
     Gaussian(plan::gaussian::Settings),
     /// A few look-ups at fixed places.
     Taps(plan::taps::Settings),
+    /// Line blurs that make up a hexagon.
+    Hexagonal(plan::hexagonal::Settings),
+    /// Between the targets of a chain of filters.
+    Levels(plan::levels::Settings),
+    /// Blurred pixels drawn one by one.
+    Sprites(plan::sprites::Settings),
 }
 
 impl Method {
@@ -30,6 +36,9 @@ impl Method {
             Method::Poisson(_) => ("poisson", None),
             Method::Gaussian(settings) => ("gaussian", settings.metric_option()),
             Method::Taps(settings) => ("taps", settings.metric_option()),
+            Method::Hexagonal(_) => ("hexagonal", None),
+            Method::Levels(_) => ("levels", None),
+            Method::Sprites(_) => ("sprites", None),
         }
     }
 
@@ -95,6 +104,11 @@ impl Scene {
             Method::Poisson(settings) => cpu::poisson::render(front, size, optics, settings, simd, cancel),
             Method::Gaussian(settings) => cpu::gaussian::render(front, size, optics, settings, simd, cancel),
             Method::Taps(settings) => cpu::taps::render(front, size, optics, settings, simd, cancel),
+            Method::Hexagonal(settings) => {
+                cpu::hexagonal::render(front, size, optics, settings, simd, cancel)
+            }
+            Method::Levels(settings) => cpu::levels::render(front, size, optics, settings, simd, cancel),
+            Method::Sprites(settings) => cpu::sprites::render(front, size, optics, settings, simd, cancel),
         }?;
         Ok(match self.supersample {
             1 => full,

@@ -34,7 +34,10 @@ METHODS: dict[str, Callable[[Bundle, dofsim.Lens], NDArray]] = {
         b["color"], b["depth"], lens, method="poisson", taps=128, max_coc_px=64
     ),
     "gaussian": lambda b, lens: dofsim.render(b["color"], b["depth"], lens, method="gaussian"),
+    "hexagonal": lambda b, lens: dofsim.render(b["color"], b["depth"], lens, method="hexagonal"),
+    "levels": lambda b, lens: dofsim.render(b["color"], b["depth"], lens, method="levels"),
     "taps": lambda b, lens: dofsim.render(b["color"], b["depth"], lens, method="taps"),
+    "sprites": lambda b, lens: dofsim.render(b["color"], b["depth"], lens, method="sprites"),
     "lens": lambda b, lens: dofsim.render(b["color"], b["depth"], lens),
     # Sampled at pixel centres, as the rest of the layers: what is in focus shows it.
     "lens, 4 layers": lambda b, lens: dofsim.render(b["layers_color_1x"], b["layers_depth_1x"], lens),

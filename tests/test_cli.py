@@ -244,7 +244,7 @@ def lens_of(monkeypatch, *arguments):
     """Give the lens and the aperture that a command comes to."""
     calls = []
 
-    def render(color, depth, lens, *, aperture, **_):
+    def render(color, depth, lens, *, aperture=None, **_):
         calls.append((lens, aperture))
         return color
 
@@ -268,7 +268,8 @@ def test_lens_of_a_file_and_options_beside_it(scene, tmp_path, monkeypatch):
     path.write_text('aperture_radius = 0.03\nfocus_distance = 3\nfov = 40.0\nfov_axis = "y"\n')
     lens, aperture = lens_of(monkeypatch, "--lens", "lens.toml")
     assert lens == dofsim.Lens(**LENS, fov_axis="y")
-    assert aperture == dofsim.Aperture()
+    # Without a word of it, the method chooses its own.
+    assert aperture is None
     lens, _ = lens_of(monkeypatch, "--lens", "lens.toml", "--focus-distance", "5")
     assert lens.focus_distance == 5.0
     path.write_text(path.read_text() + "[aperture]\nblades = 5\nrotation = 10.0\n")

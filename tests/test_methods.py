@@ -11,14 +11,20 @@ from dofsim._dofsim import methods_available, simd_available
 METHODS = {
     "poisson": {"taps": 24, "max_coc_px": 12.0},
     "gaussian": {"max_coc_px": 12.0},
+    "hexagonal": {"max_coc_px": 12.0},
+    "levels": {"c0_px": 5.0},
     "taps": {"variant": "thirteen"},
+    "sprites": {"sprite": np.array([[0.5, 1.0], [1.0, 1.0]]), "coc_threshold_px": 1.5},
 }
 # What each method can be asked for, as its errors list it.
 OPTIONS = {
     "lens": "views",
     "poisson": "bokeh, taps, max_coc_px, leak_test",
     "gaussian": "focal_range, max_coc_px",
+    "hexagonal": "max_coc_px",
+    "levels": "c0_px",
     "taps": "variant, hyperfocal_factor",
+    "sprites": "sprite, coc_threshold_px, max_coc_px",
 }
 
 HEIGHT, WIDTH = 70, 150
@@ -155,7 +161,7 @@ def test_layers_are_refused_by_name(method):
         render(layers, depths, method)
 
 
-@pytest.mark.parametrize("method", ["gaussian", "taps"])
+@pytest.mark.parametrize("method", ["gaussian", "levels", "taps"])
 def test_other_openings_are_refused_by_name(method, color, depth):
     expected = re.escape(f'aperture must be a plain disc for method="{method}"')
     with pytest.raises(ValueError, match=expected + r".*Aperture\(blades=6\)"):

@@ -43,6 +43,9 @@ def bracket(color: NDArray[np.float32], depth: NDArray[np.float64]) -> NDArray[n
     render(color, depth, lens, method="gaussian", taps=32)  # type: ignore[call-overload]
     render(color, depth, lens, method="taps", variant="eleven")  # type: ignore[call-overload]
     render(color, depth, lens, method="taps", views=128)  # type: ignore[call-overload]
+    render(color, depth, lens, method="hexagonal", aperture=hexagon, max_coc_px=32.0)
+    render(color, depth, lens, method="levels", c0_px="wide")  # type: ignore[call-overload]
+    render(color, depth, lens, method="sprites", sprite=[[0.0, 1.0], [1.0, 0.5]], coc_threshold_px=2)
 
     scene = Scene(color, depth, device="cpu", supersample=2)
     assert_type(scene.render(lens, aperture=hexagon), NDArray[Any])

@@ -63,6 +63,21 @@ class _TapsOptions(TypedDict, total=False):
     variant: Literal["thirteen", "seven", "six", "four", "four_rings"] | None
     hyperfocal_factor: float | None
 
+@type_check_only
+class _HexagonalOptions(TypedDict, total=False):
+    max_coc_px: float | None
+
+@type_check_only
+class _LevelsOptions(TypedDict, total=False):
+    c0_px: float | None
+
+@type_check_only
+class _SpritesOptions(TypedDict, total=False):
+    # Numbers in rows: an array, or nested sequences.
+    sprite: NDArray[Any] | Sequence[Sequence[float]] | None
+    coc_threshold_px: float | None
+    max_coc_px: float | None
+
 __version__: str
 
 class DeviceError(RuntimeError): ...
@@ -198,6 +213,39 @@ class Scene:
         **options: Unpack[_TapsOptions],
     ) -> NDArray[Any]: ...
     @overload
+    def render(
+        self,
+        /,
+        lens: Lens,
+        *,
+        method: Literal["hexagonal"],
+        aperture: Aperture | None = None,
+        threads: int | None = None,
+        **options: Unpack[_HexagonalOptions],
+    ) -> NDArray[Any]: ...
+    @overload
+    def render(
+        self,
+        /,
+        lens: Lens,
+        *,
+        method: Literal["levels"],
+        aperture: Aperture | None = None,
+        threads: int | None = None,
+        **options: Unpack[_LevelsOptions],
+    ) -> NDArray[Any]: ...
+    @overload
+    def render(
+        self,
+        /,
+        lens: Lens,
+        *,
+        method: Literal["sprites"],
+        aperture: Aperture | None = None,
+        threads: int | None = None,
+        **options: Unpack[_SpritesOptions],
+    ) -> NDArray[Any]: ...
+    @overload
     def focal_stack(
         self,
         /,
@@ -244,6 +292,42 @@ class Scene:
         aperture: Aperture | None = None,
         threads: int | None = None,
         **options: Unpack[_TapsOptions],
+    ) -> NDArray[Any]: ...
+    @overload
+    def focal_stack(
+        self,
+        /,
+        lens: Lens,
+        distances: Sequence[float] | NDArray[np.floating[Any]],
+        *,
+        method: Literal["hexagonal"],
+        aperture: Aperture | None = None,
+        threads: int | None = None,
+        **options: Unpack[_HexagonalOptions],
+    ) -> NDArray[Any]: ...
+    @overload
+    def focal_stack(
+        self,
+        /,
+        lens: Lens,
+        distances: Sequence[float] | NDArray[np.floating[Any]],
+        *,
+        method: Literal["levels"],
+        aperture: Aperture | None = None,
+        threads: int | None = None,
+        **options: Unpack[_LevelsOptions],
+    ) -> NDArray[Any]: ...
+    @overload
+    def focal_stack(
+        self,
+        /,
+        lens: Lens,
+        distances: Sequence[float] | NDArray[np.floating[Any]],
+        *,
+        method: Literal["sprites"],
+        aperture: Aperture | None = None,
+        threads: int | None = None,
+        **options: Unpack[_SpritesOptions],
     ) -> NDArray[Any]: ...
 
 @final
@@ -345,6 +429,66 @@ def render(
     supersample: int = 1,
     threads: int | None = None,
     **options: Unpack[_TapsOptions],
+) -> NDArray[_Sample]: ...
+@overload
+def render(
+    color: NDArray[_Sample],
+    depth: NDArray[np.floating[Any]],
+    lens: Lens,
+    *,
+    method: Literal["hexagonal"],
+    device: _Device = "auto",
+    aperture: Aperture | None = None,
+    depth_kind: _DepthKind = "z",
+    near: float | None = None,
+    far: float | None = None,
+    invalid: _Invalid = "raise",
+    alpha: _Alpha | None = None,
+    transfer: _Transfer | None = None,
+    overscan: int = 0,
+    supersample: int = 1,
+    threads: int | None = None,
+    **options: Unpack[_HexagonalOptions],
+) -> NDArray[_Sample]: ...
+@overload
+def render(
+    color: NDArray[_Sample],
+    depth: NDArray[np.floating[Any]],
+    lens: Lens,
+    *,
+    method: Literal["levels"],
+    device: _Device = "auto",
+    aperture: Aperture | None = None,
+    depth_kind: _DepthKind = "z",
+    near: float | None = None,
+    far: float | None = None,
+    invalid: _Invalid = "raise",
+    alpha: _Alpha | None = None,
+    transfer: _Transfer | None = None,
+    overscan: int = 0,
+    supersample: int = 1,
+    threads: int | None = None,
+    **options: Unpack[_LevelsOptions],
+) -> NDArray[_Sample]: ...
+@overload
+def render(
+    color: NDArray[_Sample],
+    depth: NDArray[np.floating[Any]],
+    lens: Lens,
+    *,
+    method: Literal["sprites"],
+    device: _Device = "auto",
+    aperture: Aperture | None = None,
+    depth_kind: _DepthKind = "z",
+    near: float | None = None,
+    far: float | None = None,
+    invalid: _Invalid = "raise",
+    alpha: _Alpha | None = None,
+    transfer: _Transfer | None = None,
+    overscan: int = 0,
+    supersample: int = 1,
+    threads: int | None = None,
+    **options: Unpack[_SpritesOptions],
 ) -> NDArray[_Sample]: ...
 def methods_available() -> list[str]: ...
 def simd_available() -> list[Literal["portable", "avx2", "avx512"]]: ...

@@ -184,7 +184,6 @@ def render_command(
         options.make_lens(words),
         method=method,
         device=device,
-        aperture=dofsim.Aperture(**opening),
         depth_kind=depth_kind,
         near=near,
         far=far,
@@ -195,6 +194,7 @@ def render_command(
         supersample=supersample,
         threads=threads,
         **options.read_method_options(method_options or []),
+        **({"aperture": dofsim.Aperture(**opening)} if opening else {}),
     )
     seconds = time.perf_counter() - start
 

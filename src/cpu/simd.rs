@@ -34,6 +34,15 @@ impl Simd {
         all
     }
 
+    /// The same with vectors of at most 256 bits: for loops whose sums fill the registers, which wider ones make slower.
+    pub fn narrow(self) -> Simd {
+        match self {
+            #[cfg(target_arch = "x86_64")]
+            Simd::Avx512 => Simd::Avx2,
+            other => other,
+        }
+    }
+
     /// Does `work`, compiled for this instruction set: a loop without calls that are not inlined.
     #[inline(always)]
     pub fn run<T>(self, work: impl FnOnce() -> T) -> T {

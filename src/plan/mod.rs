@@ -3,5 +3,8 @@
 //! A file a method. Nothing here depends on where the plan is carried out; `cpu` has a file of the same name for each.
 
 pub mod gaussian;
+pub mod hexagonal;
+pub mod levels;
 pub mod poisson;
+pub mod sprites;
 pub mod taps;

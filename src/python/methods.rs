@@ -5,8 +5,9 @@ use super::errors::choice;
 use crate::aperture::Aperture;
 use crate::cpu::lens;
 use crate::error::{Result, value_error};
-use crate::plan::{gaussian, poisson, taps};
+use crate::plan::{gaussian, hexagonal, levels, poisson, sprites, taps};
 use crate::render::Method;
+use numpy::PyReadonlyArray2;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -15,8 +16,15 @@ use pyo3::types::PyDict;
 type Read = fn(&mut Options<'_, '_>) -> PyResult<Method>;
 
 /// The methods there are.
-const METHODS: [(&str, Read); 4] =
-    [("lens", read_lens), ("poisson", read_poisson), ("gaussian", read_gaussian), ("taps", read_taps)];
+const METHODS: [(&str, Read); 7] = [
+    ("lens", read_lens),
+    ("poisson", read_poisson),
+    ("gaussian", read_gaussian),
+    ("hexagonal", read_hexagonal),
+    ("levels", read_levels),
+    ("taps", read_taps),
+    ("sprites", read_sprites),
+];
 
 /// Names of the methods that `render` takes.
 #[pyfunction]
@@ -103,6 +111,33 @@ fn read_taps(options: &mut Options) -> PyResult<Method> {
     Ok(Method::Taps(taps::Settings::new(variant, hyperfocal_factor)?))
 }
 
+fn read_hexagonal(options: &mut Options) -> PyResult<Method> {
+    let max_coc_px = options.value("max_coc_px", "a number")?.unwrap_or(hexagonal::Settings::MAX_COC_PX);
+    let aperture = options.aperture.map(|a| &a.core);
+    Ok(Method::Hexagonal(hexagonal::Settings::new(aperture, max_coc_px)?))
+}
+
+fn read_levels(options: &mut Options) -> PyResult<Method> {
+    options.only_a_disc()?;
+    Ok(Method::Levels(levels::Settings::new(options.value("c0_px", "a number")?)?))
+}
+
+fn read_sprites(options: &mut Options) -> PyResult<Method> {
+    let shape = match options.plane("sprite")? {
+        None => sprites::Shape::Opening(options.aperture()),
+        Some(_) if options.aperture.is_some() => {
+            return Err(
+                value_error!("aperture and sprite are both given; a point is drawn as one of them").into()
+            );
+        }
+        Some((width, values)) => sprites::Shape::Texture(sprites::Texture::new(width, values)?),
+    };
+    let threshold_px =
+        options.value("coc_threshold_px", "a number")?.unwrap_or(sprites::Settings::THRESHOLD_PX);
+    let max_coc_px = options.value("max_coc_px", "a number")?.unwrap_or(sprites::Settings::MAX_COC_PX);
+    Ok(Method::Sprites(sprites::Settings::new(shape, threshold_px, max_coc_px)?))
+}
+
 /// A value as an error shows it.
 fn shown(value: &Bound<'_, PyAny>) -> String {
     value.repr().map_or_else(|_| value.get_type().to_string(), |repr| repr.to_string())
@@ -138,6 +173,20 @@ impl<'py> Options<'_, 'py> {
     fn word<T: Copy>(&mut self, name: &'static str, accepted: &[(&str, T)]) -> PyResult<Option<T>> {
         let word: Option<String> = self.value(name, "a word")?;
         word.map(|word| choice(name, &word, accepted)).transpose()
+    }
+
+    /// A two-dimensional array of numbers: its columns, and its values row by row.
+    fn plane(&mut self, name: &'static str) -> PyResult<Option<(usize, Vec<f64>)>> {
+        let Some(value) = self.get(name)? else { return Ok(None) };
+        let refused = |_| {
+            let shown = shown(&value);
+            PyTypeError::new_err(format!("{name} must be a two-dimensional array of numbers; got {shown}"))
+        };
+        let numpy = value.py().import("numpy")?;
+        let array = numpy.call_method1("asarray", (&value, "float64")).map_err(refused)?;
+        let array: PyReadonlyArray2<f64> = array.extract().map_err(|e: PyErr| refused(e))?;
+        let array = array.as_array();
+        Ok(Some((array.ncols(), array.iter().copied().collect())))
     }
 
     /// The shape of the opening.

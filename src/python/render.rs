@@ -110,7 +110,7 @@ fn check_device(name: &str) -> PyResult<()> {
 ///     `depth_kind` says otherwise. Infinity is background.
 /// lens : Lens
 ///     The lens.
-/// method : {"lens", "poisson", "gaussian", "taps"}, optional
+/// method : {"lens", "poisson", "gaussian", "hexagonal", "levels", "taps", "sprites"}, optional
 ///     How to compute; see the notes. All but ``"lens"`` take one layer and are for speed or for their own looks.
 /// device : {"auto", "cpu", "gpu"}, optional
 ///     Where to compute.
@@ -189,6 +189,32 @@ fn check_device(name: &str) -> PyResult<()> {
 ///   among them. ``"four_rings"`` mixes by the centre's factor alone, which draws a ring around what is sharp.
 /// - ``hyperfocal_factor``, float: what the blur factor is the square of, per metre of distance from the focus
 ///   plane. By default it is the radius of the circle of confusion over the distance of the farthest look-up.
+///
+/// ``"hexagonal"`` blurs along the sides of three rhombi that make a hexagon; after the article "A depth of field
+/// implementation" (2013) and the game "Need for Speed: The Run". What is in front of the focus spreads over
+/// everything, what is behind it only over what has at least half its circle of confusion. `aperture` may have 4 or 6
+/// blades; without it, the hexagon has a corner straight up. The article's circle of confusion on a z-buffer,
+/// ``z * CoCScale + CoCBias``, is ``depth_kind="zbuffer"`` with `near` and `far` and a lens of `Lens.from_camera`.
+///
+/// - ``max_coc_px``, float: circles of confusion are cut at this radius, 1 to 256; 64 by default. Time grows with the
+///   largest radius there is.
+///
+/// ``"levels"`` interpolates between the picture and two of five blurs in a row; after "Depth of Field: Controlling
+/// Camera Parameters" (NVIDIA, 2004). It knows nothing of edges: what is sharp leaks into what is blurred.
+///
+/// - ``c0_px``, float: the diameter up to which the picture stays sharp, 0.5 to 1024; at twice that the blur is
+///   strongest, and as wide as that circle of confusion. (Of the paper's two readings of 0.5, it is the diameter of 1.5
+///   ``c0_px`` here.) By default half of the largest diameter in the frame.
+///
+/// ``"sprites"`` draws every blurred pixel as a picture of the opening, in layers in front and behind at half the size;
+/// after "Geometry-Shader-Free Bokeh Depth of Field Rendering" (2012). Any `aperture`, or any picture. Time grows with
+/// the number of blurred pixels and the area of their circles of confusion.
+///
+/// - ``sprite``, array of shape (N, M): transmission over the square around the circle of confusion, in place of
+///   `aperture`; turned by 180 degrees in front of the focus.
+/// - ``coc_threshold_px``, float: the radius above which a pixel is drawn, at least 0.5; 1 by default. Pixels set in
+///   between it and twice that.
+/// - ``max_coc_px``, float: circles of confusion are cut at this radius, 1 to 256; 64 by default.
 ///
 /// Examples
 /// --------

@@ -1,0 +1,96 @@
+//! Linear interpolation between the centres of pixels that are larger than the picture's.
+
+use super::border::mirrored;
+use super::simd::{Simd, multiversion};
+
+/// A target whose pixels are `scale` times as large along each axis; `scale` is a power of two.
+pub struct Enlarge {
+    /// How far between two pixels of the target the picture's pixels lie, from the first one past a centre.
+    fractions: Vec<f32>,
+    /// A row between two of the target's, with the pixels beyond both ends.
+    between: Vec<f32>,
+}
+
+impl Enlarge {
+    /// For targets of rows of `width` pixels.
+    pub fn new(scale: usize, width: usize) -> Enlarge {
+        let fraction = |i: usize| ((scale / 2 + i) as f64 + 0.5) / scale as f64 - 0.5;
+        Enlarge { fractions: (0..scale).map(|i| fraction(i) as f32).collect(), between: vec![0.0; width + 2] }
+    }
+
+    /// A row for [`Enlarge::row`].
+    pub fn new_row(&self) -> Vec<f32> {
+        vec![0.0; (self.between.len() - 1) * self.fractions.len()]
+    }
+
+    /// Where the picture's first pixel is in a row.
+    pub fn first(&self) -> usize {
+        self.fractions.len() - self.fractions.len() / 2
+    }
+
+    /// The rows of a target of `height` rows that the picture's row `y` lies between.
+    pub fn rows(&self, y: usize, height: usize) -> [usize; 2] {
+        [0, 1].map(|i| mirrored(((y + self.first()) / self.fractions.len() + i) as i64 - 1, height).0)
+    }
+
+    /// Interpolates two rows of a target at the pixels of the picture's row `y`.
+    pub fn row(&mut self, simd: Simd, y: usize, rows: [&[f32]; 2], out: &mut [f32]) {
+        let fraction = self.fractions[(y + self.first()) % self.fractions.len()];
+        between(simd, fraction, rows, &mut self.between);
+        match self.fractions.len() {
+            1 => stretch::<1>(simd, &self.fractions, &self.between, out),
+            2 => stretch::<2>(simd, &self.fractions, &self.between, out),
+            4 => stretch::<4>(simd, &self.fractions, &self.between, out),
+            _ => stretch::<8>(simd, &self.fractions, &self.between, out),
+        }
+    }
+}
+
+multiversion! {
+    /// A row between two, and what lies beyond its ends: its mirror image.
+    fn between(fraction: f32, rows: [&[f32]; 2], out: &mut [f32]) {
+        let last = rows[0].len();
+        for ((out, a), b) in out[1..=last].iter_mut().zip(rows[0]).zip(rows[1]) {
+            *out = a + fraction * (b - a);
+        }
+        (out[0], out[last + 1]) = (out[1], out[last]);
+    }
+}
+
+multiversion! {
+    /// Interpolates between every two neighbours of a row at all `fractions`, a multiple of `N` of them.
+    fn stretch<const N: usize>(fractions: &[f32], row: &[f32], out: &mut [f32]) {
+        let (fractions, out) = (fractions.as_chunks::<N>().0, out.as_chunks_mut::<N>().0);
+        for (out, v) in out.chunks_exact_mut(fractions.len()).zip(row.windows(2)) {
+            for (out, fractions) in out.iter_mut().zip(fractions) {
+                for i in 0..N {
+                    out[i] = v[0] + fractions[i] * (v[1] - v[0]);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ramp_stays_a_ramp_between_the_outer_centres() {
+        for scale in [1usize, 2, 4, 16] {
+            let ramp: Vec<f32> = (0..5).map(|x| (x as f32 + 0.5) * scale as f32 - 0.5).collect();
+            let mut enlarge = Enlarge::new(scale, ramp.len());
+            let mut out = enlarge.new_row();
+            enlarge.row(Simd::Portable, 0, [&ramp, &ramp], &mut out);
+            for x in scale / 2..5 * scale - scale / 2 {
+                assert_eq!(out[enlarge.first() + x], x as f32, "{scale}");
+            }
+            // Down the picture: rows 0, 1, 2 .. of the target have their centres at the ramp's values.
+            for y in scale / 2..5 * scale - scale / 2 {
+                let rows = enlarge.rows(y, 5).map(|row| [ramp[row]; 5]);
+                enlarge.row(Simd::Portable, y, [&rows[0], &rows[1]], &mut out);
+                assert_eq!(out[enlarge.first()], y as f32, "{scale}");
+            }
+        }
+    }
+}

@@ -1,0 +1,182 @@
+//! Carries out [`plan::levels`](crate::plan::levels).
+
+use super::border::mirrored;
+use super::enlarge::Enlarge;
+use super::rows::{render_rows, with_channels};
+use super::simd::{Simd, multiversion};
+use crate::cancel::Cancel;
+use crate::error::Result;
+use crate::optics::Optics;
+use crate::picture::{Layer, Size};
+use crate::plan::levels::{KEPT, Plan, STEPS, Settings};
+use rayon::prelude::*;
+
+/// The picture, interleaved.
+pub fn render(
+    layer: &Layer,
+    size: Size,
+    optics: &Optics,
+    settings: &Settings,
+    simd: Simd,
+    cancel: &Cancel,
+) -> Result<Vec<f32>> {
+    let radius = |d: f32| optics.shift_px(f64::from(d)).abs() as f32;
+    let largest = layer.disparity.par_iter().map(|&d| radius(d)).reduce(|| 0.0, f32::max);
+    let plan = Plan::new(settings, f64::from(largest));
+
+    let small =
+        Size { width: size.width.div_ceil(plan.scale), height: size.height.div_ceil(plan.scale), ..size };
+    let mut last = reduce(&layer.color, size, small, plan.scale, simd);
+    let mut half_way = Vec::new();
+    for step in 1..=STEPS {
+        cancel.check()?;
+        last = filter(&last, small, plan.weights, simd);
+        if step == KEPT {
+            half_way.clone_from(&last);
+        }
+    }
+    let scratch = || Scratch::new(size, small, plan.scale);
+    with_channels!(size.channels, C => {
+        render_rows(size, cancel, scratch, |scratch, y, out| {
+            let disparity = &layer.disparity[y * size.width..][..size.width];
+            scratch.level.iter_mut().zip(disparity).for_each(|(level, &d)| *level = plan.level(radius(d)));
+            scratch.enlarge(simd, y, small, &half_way, &last);
+            let sharp = std::array::from_fn(|c| &layer.color[c * size.pixels() + y * size.width..][..size.width]);
+            interpolate::<C>(simd, &sharp, scratch, out);
+        })
+    })
+}
+
+/// Planes of the means of blocks; beyond the border lies the picture's mirror image.
+fn reduce(color: &[f32], size: Size, small: Size, scale: usize, simd: Simd) -> Vec<f32> {
+    let mut out = vec![0.0f32; small.pixels() * small.channels];
+    out.par_chunks_mut(small.width).enumerate().for_each_init(
+        || vec![0.0f32; small.width * scale],
+        |sums, (i, out)| {
+            let (plane, y) = (i / small.height, i % small.height * scale);
+            sums.fill(0.0);
+            for y in y..y + scale {
+                let from = plane * size.pixels() + mirrored(y as i64, size.height).0 * size.width;
+                accumulate(simd, &color[from..][..size.width], sums);
+            }
+            for x in size.width..sums.len() {
+                sums[x] = sums[mirrored(x as i64, size.width).0];
+            }
+            let mean = 1.0 / (scale * scale) as f32;
+            for (out, block) in out.iter_mut().zip(sums.chunks_exact(scale)) {
+                *out = mean * block.iter().sum::<f32>();
+            }
+        },
+    );
+    out
+}
+
+multiversion! {
+    /// Adds a row to a row.
+    fn accumulate(row: &[f32], sums: &mut [f32]) {
+        for (sum, v) in sums.iter_mut().zip(row) {
+            *sum += v;
+        }
+    }
+}
+
+/// One filter step along both axes of all planes.
+fn filter(planes: &[f32], size: Size, weights: [f32; 3], simd: Simd) -> Vec<f32> {
+    let mut out = vec![0.0f32; planes.len()];
+    out.par_chunks_mut(size.width).enumerate().for_each_init(
+        || vec![0.0f32; size.width + 4],
+        |column, (i, out)| {
+            let (plane, y) = (i / size.height, (i % size.height) as i64);
+            let row = |dy: i64| {
+                let row = plane * size.height + mirrored(y + dy, size.height).0;
+                &planes[row * size.width..][..size.width]
+            };
+            down(simd, weights, [-2, -1, 0, 1, 2].map(row), &mut column[2..]);
+            // Beyond the ends of the row lies its mirror image.
+            for i in [0, 1, size.width + 2, size.width + 3] {
+                column[i] = column[2 + mirrored(i as i64 - 2, size.width).0];
+            }
+            across(simd, weights, column, out);
+        },
+    );
+    out
+}
+
+/// Five values in a row, filtered.
+#[inline(always)]
+fn step([middle, beside, beyond]: [f32; 3], v: [f32; 5]) -> f32 {
+    middle * v[2] + beside * (v[1] + v[3]) + beyond * (v[0] + v[4])
+}
+
+multiversion! {
+    /// The middle one of five rows, filtered down the columns.
+    fn down(weights: [f32; 3], rows: [&[f32]; 5], out: &mut [f32]) {
+        let rows = rows.map(|row| &row[..rows[0].len()]);
+        for (x, out) in out[..rows[0].len()].iter_mut().enumerate() {
+            *out = step(weights, [rows[0][x], rows[1][x], rows[2][x], rows[3][x], rows[4][x]]);
+        }
+    }
+}
+
+multiversion! {
+    /// A row with two pixels more at either end, filtered along itself.
+    fn across(weights: [f32; 3], row: &[f32], out: &mut [f32]) {
+        for (out, v) in out.iter_mut().zip(row.windows(5)) {
+            *out = step(weights, [v[0], v[1], v[2], v[3], v[4]]);
+        }
+    }
+}
+
+/// The rows that one worker uses.
+struct Scratch {
+    enlarge: Enlarge,
+    /// Where between the targets each pixel lies.
+    level: Vec<f32>,
+    /// Each channel's row of a target at full size.
+    half_way: Vec<Vec<f32>>,
+    last: Vec<Vec<f32>>,
+}
+
+impl Scratch {
+    fn new(size: Size, small: Size, scale: usize) -> Scratch {
+        let enlarge = Enlarge::new(scale, small.width);
+        let rows = vec![enlarge.new_row(); size.channels];
+        Scratch { enlarge, level: vec![0.0; size.width], half_way: rows.clone(), last: rows }
+    }
+
+    /// Interpolates both targets at the pixels of the picture's row `y`.
+    fn enlarge(&mut self, simd: Simd, y: usize, small: Size, half_way: &[f32], last: &[f32]) {
+        let rows = self.enlarge.rows(y, small.height);
+        for c in 0..small.channels {
+            for (target, out) in [(half_way, &mut self.half_way[c]), (last, &mut self.last[c])] {
+                let rows = rows.map(|row| &target[(c * small.height + row) * small.width..][..small.width]);
+                self.enlarge.row(simd, y, rows, out);
+            }
+        }
+    }
+}
+
+multiversion! {
+    /// One row of the picture between its targets.
+    fn interpolate<const C: usize>(sharp: &[&[f32]; C], scratch: &Scratch, out: &mut [f32]) {
+        for c in 0..C {
+            let first = scratch.enlarge.first();
+            let (half_way, last) = (&scratch.half_way[c][first..], &scratch.last[c][first..]);
+            let blurred = half_way.iter().zip(last);
+            for (((pixel, level), sharp), (half_way, last)) in
+                out.chunks_exact_mut(C).zip(&scratch.level).zip(sharp[c]).zip(blurred)
+            {
+                pixel[c] = between_levels(*level, *sharp, *half_way, *last);
+            }
+        }
+    }
+}
+
+/// The value at `level` between a picture (0) and its targets (0.5 and 1).
+#[inline(always)]
+fn between_levels(level: f32, sharp: f32, half_way: f32, last: f32) -> f32 {
+    let upper = level > 0.5;
+    let (from, to) = if upper { (half_way, last) } else { (sharp, half_way) };
+    let along = if upper { 2.0 * level - 1.0 } else { 2.0 * level };
+    from + along * (to - from)
+}

@@ -1,0 +1,120 @@
+//! A picture between filter levels: a chain of blurs, three of whose targets are interpolated by circle of confusion.
+//!
+//! After "Depth of Field: Controlling Camera Parameters" (B. Dudash, NVIDIA SDK White Paper WP-01396-001, 2004). The
+//! picture is filtered five times in a row, each time from the target before. With the circle of confusion of the
+//! paper's equation 1, which is that of the thin lens in [`optics`](crate::optics),
+//!
+//! ```text
+//! x = clamp(diameter / c0 - 1, 0, 1)          0 at diameter c0 or less, 1 at 2 c0 or more
+//! ```
+//!
+//! interpolates between three targets: the picture itself at 0, the third at 1/2 and the fifth at 1. The paper says that
+//! a diameter of `c0` is both 0 and 0.5. Read here is the first: 0.5 is then a diameter of 1.5 `c0`, and that is just what the
+//! third of five equal steps stands for. Variances of blurs in a row add, a disc's grows with its diameter squared, and
+//! 3/5 of the fifth's is that of a disc of 1.55 `c0`. The paper looks `x` up in a table over the distances of the camera
+//! and the focus because its shaders could not compute it.
+//!
+//! The paper leaves the filter open. Here the fifth target has the variance of the disc of diameter `2 c0`, filtered at
+//! a scale at which five look-ups along each axis are enough.
+
+use crate::error::{Result, value_error};
+
+/// Filter steps; see [`KEPT`].
+pub const STEPS: usize = 5;
+/// The step whose target lies half-way to the last.
+pub const KEPT: usize = 3;
+
+/// The choices that a caller has.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    c0_px: Option<f64>,
+}
+
+impl Settings {
+    /// The diameter in pixels at which blur begins; half of the frame's largest circle of confusion if not given.
+    pub fn new(c0_px: Option<f64>) -> Result<Settings> {
+        if let Some(c0) = c0_px
+            && !(c0.is_finite() && (0.5..=1024.0).contains(&c0))
+        {
+            return Err(value_error!("c0_px must be a diameter in pixels from 0.5 to 1024; got {c0}"));
+        }
+        Ok(Settings { c0_px })
+    }
+}
+
+/// The chain of filters, and where between its targets a pixel lies.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Plan {
+    /// The picture is filtered at one over this of its size along each axis: a power of two.
+    pub scale: usize,
+    /// Weights of a filter step along either axis: of the middle, of the look-ups beside it, and of those beyond.
+    pub weights: [f32; 3],
+    /// `x` for every pixel of the circle of confusion's radius, from `x = -1`.
+    x_per_px: f32,
+}
+
+impl Plan {
+    /// The plan for a frame whose largest circle of confusion has this radius.
+    pub fn new(settings: &Settings, largest_radius_px: f64) -> Plan {
+        let c0 = settings.c0_px.unwrap_or(largest_radius_px.max(0.5));
+        // At this size the last target's deviation is at least 1.35 pixels, smooth enough to interpolate.
+        let scale = 1 << (c0 / 2.7).max(1.0).log2() as usize;
+        let s = scale as f64;
+        // Averaging blocks of s pixels moves light by the variance (s^2 - 1) / 12, interpolating between them by
+        // s^2 / 6 + 1 / 12 in the mean over a block.
+        let resampled = if scale > 1 { 0.25 * s * s } else { 0.0 };
+        // Per axis, a disc has a sixteenth of its diameter squared.
+        let disc = (2.0 * c0).powi(2) / 16.0;
+        let step = (disc - resampled) / STEPS as f64 / (s * s);
+        // (a, 1 - 2 a, a) has the variance 2 a, and twice in a row 4 a.
+        let (side, middle) = (0.25 * step, 1.0 - 0.5 * step);
+        let weights = [middle * middle + 2.0 * side * side, 2.0 * side * middle, side * side];
+        Plan { scale, weights: weights.map(|w| w as f32), x_per_px: (2.0 / c0) as f32 }
+    }
+
+    /// How far a pixel of this circle of confusion lies between the first target and the last.
+    #[inline(always)]
+    pub fn level(&self, radius_px: f32) -> f32 {
+        let x = radius_px * self.x_per_px - 1.0;
+        let x = if x > 0.0 { x } else { 0.0 };
+        if x < 1.0 { x } else { 1.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn levels_begin_at_c0_and_end_at_twice_that() {
+        let plan = Plan::new(&Settings::new(Some(10.0)).unwrap(), 99.0);
+        let at = |diameter: f32| plan.level(0.5 * diameter);
+        assert_eq!([0.0, 9.0, 10.0, 15.0, 20.0, 90.0].map(at), [0.0, 0.0, 0.0, 0.5, 1.0, 1.0]);
+    }
+
+    #[test]
+    fn filters_stay_positive_and_narrow_at_every_width() {
+        for c0 in [0.5, 1.0, 2.6, 2.7, 5.3, 5.4, 10.7, 10.8, 33.0, 1024.0] {
+            let plan = Plan::new(&Settings::new(Some(c0)).unwrap(), 0.0);
+            let [middle, beside, beyond] = plan.weights;
+            assert!(middle > beside && beside > beyond && beyond > 0.0, "{c0}: {plan:?}");
+            assert!((middle + 2.0 * (beside + beyond) - 1.0).abs() < 1e-6);
+            assert!(plan.scale.is_power_of_two() && plan.scale as f64 <= (c0 / 2.7).max(1.0));
+        }
+    }
+
+    #[test]
+    fn the_last_target_is_the_largest_blur_unless_told_otherwise() {
+        let plan = |radius| Plan::new(&Settings::new(None).unwrap(), radius);
+        assert_eq!(plan(12.0), Plan::new(&Settings::new(Some(12.0)).unwrap(), 1.0));
+        assert_eq!(plan(12.0).level(12.0), 1.0);
+        assert_eq!(plan(0.0).level(0.0), 0.0);
+    }
+
+    #[test]
+    fn a_width_that_is_none_is_named() {
+        for c0 in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert!(Settings::new(Some(c0)).unwrap_err().to_string().starts_with("c0_px"));
+        }
+    }
+}

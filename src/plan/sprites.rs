@@ -1,0 +1,253 @@
+//! Blurred pixels drawn as sprites in the shape of the opening.
+//!
+//! After "Geometry-Shader-Free Bokeh Depth of Field Rendering" (a web log's article of 2012). Pixels whose circle of
+//! confusion is above a threshold are put on a list with their place, colour and circle of confusion, drawn as quads
+//! with the aperture's texture into two accumulation targets of half the size, one for what lies in front of the
+//! focus and one for what lies behind, and resolved over the sharp picture.
+//!
+//! The article names two weaknesses of its resolve, which are met here. The layer behind leaks over sharp things:
+//! shown is only the mean of its light, by colour over coverage, and only on pixels that are behind the focus themselves.
+//! The layer in front has hard edges: it is laid over the rest by its coverage, and what lies behind its silhouette
+//! is the mean of what is not in front, over a square as large as the pixel's own circle of confusion. Sprites
+//! set in over the threshold's width instead of all at once.
+
+use crate::aperture::Aperture;
+use crate::error::{Result, value_error};
+
+/// Radii are told apart to these steps, below and above [`SMALL_PX`].
+const FINE: f64 = 16.0;
+const COARSE: f64 = 4.0;
+const SMALL_PX: f64 = 4.0;
+/// Rows of a sprite are padded to whole vectors of this many weights.
+pub const LANES: usize = 8;
+
+/// A picture to draw points with; it fills the square around the circle of confusion.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Texture {
+    width: usize,
+    values: Vec<f64>,
+}
+
+impl Texture {
+    /// A texture of rows of `width` transmissions.
+    pub fn new(width: usize, values: Vec<f64>) -> Result<Texture> {
+        if values.is_empty() || width == 0 {
+            return Err(value_error!("sprite must have at least one row and one column; got none"));
+        }
+        if let Some(v) = values.iter().find(|v| !(v.is_finite() && **v >= 0.0)) {
+            return Err(value_error!("sprite must hold transmissions, finite and not negative; got {v}"));
+        }
+        if values.iter().all(|v| *v == 0.0) {
+            return Err(value_error!("sprite must let light through somewhere; got only zeros"));
+        }
+        Ok(Texture { width, values })
+    }
+
+    /// How much of each pixel the texture covers when it spans `radius` pixels to either side: `(dx, dy, weight)`.
+    fn weights(&self, radius: f64) -> Vec<(i32, i32, f64)> {
+        let reach = (radius + 0.5).ceil() as i32;
+        let height = self.values.len() / self.width;
+        // Length that texel `i` of `n` shares with the pixel at `d`.
+        let shared = |d: i32, i: usize, n: usize| {
+            let edge = |i: usize| radius * (2.0 * i as f64 / n as f64 - 1.0);
+            let (from, to) = (edge(i).max(f64::from(d) - 0.5), edge(i + 1).min(f64::from(d) + 0.5));
+            (to - from).max(0.0)
+        };
+        let mut weights = Vec::new();
+        for dy in -reach..=reach {
+            let mut row = vec![0.0; self.width];
+            for (y, texels) in self.values.chunks(self.width).enumerate() {
+                let down = shared(dy, y, height);
+                row.iter_mut().zip(texels).for_each(|(sum, v)| *sum += down * v);
+            }
+            for dx in -reach..=reach {
+                let weight = row.iter().enumerate().map(|(x, v)| v * shared(dx, x, self.width)).sum();
+                weights.push((dx, dy, weight));
+            }
+        }
+        weights
+    }
+}
+
+/// What a point is drawn as.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Shape {
+    /// The opening of the lens.
+    Opening(Aperture),
+    /// Any picture.
+    Texture(Texture),
+}
+
+/// The choices that a caller has.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    shape: Shape,
+    threshold_px: f64,
+    max_coc_px: f64,
+}
+
+impl Settings {
+    /// The threshold and the largest radius unless said otherwise.
+    pub const THRESHOLD_PX: f64 = 1.0;
+    /// See [`Settings::THRESHOLD_PX`].
+    pub const MAX_COC_PX: f64 = 64.0;
+
+    /// A shape, the radius above which pixels are drawn as sprites, and that at which circles of confusion are cut.
+    pub fn new(shape: Shape, threshold_px: f64, max_coc_px: f64) -> Result<Settings> {
+        if !(threshold_px.is_finite() && threshold_px >= 0.5) {
+            return Err(value_error!(
+                "coc_threshold_px must be a radius in pixels of at least 0.5; got {threshold_px}"
+            ));
+        }
+        if !(1.0..=256.0).contains(&max_coc_px) {
+            return Err(value_error!(
+                "max_coc_px must be a radius in pixels from 1 to 256; got {max_coc_px}"
+            ));
+        }
+        Ok(Settings { shape, threshold_px, max_coc_px })
+    }
+
+    /// Signed radius of the circle of confusion as it is drawn.
+    pub fn cut(&self, coc_px: f64) -> f32 {
+        coc_px.clamp(-self.max_coc_px, self.max_coc_px) as f32
+    }
+
+    /// How much of a pixel is drawn as a sprite: nothing at the threshold, all at twice that.
+    #[inline(always)]
+    pub fn drawn(&self, coc_px: f32) -> f32 {
+        (coc_px.abs() / self.threshold_px as f32 - 1.0).clamp(0.0, 1.0)
+    }
+
+    /// The sprites of a [step](step) for pixels in even and odd columns, of even rows and then of odd ones.
+    pub fn sprites(&self, step: i32) -> [Sprite; 4] {
+        let coc = radius(step);
+        // Points in front are drawn turned by half.
+        let weights: Vec<(i32, i32, f64)> = match &self.shape {
+            Shape::Opening(aperture) => {
+                aperture.kernel(coc).weights().map(|(dx, dy, w)| (dx, dy, f64::from(w))).collect()
+            }
+            Shape::Texture(texture) => {
+                let turn = if coc < 0.0 { -1 } else { 1 };
+                texture.weights(coc.abs()).into_iter().map(|(dx, dy, w)| (turn * dx, turn * dy, w)).collect()
+            }
+        };
+        [(0, 0), (1, 0), (0, 1), (1, 1)].map(|odd| Sprite::new(&weights, odd))
+    }
+}
+
+/// The step that a radius is drawn at, with its sign.
+pub fn step(coc_px: f32) -> i32 {
+    let (coc, r) = (f64::from(coc_px), f64::from(coc_px.abs()));
+    let steps = if r < SMALL_PX { r * FINE } else { SMALL_PX * FINE + (r - SMALL_PX) * COARSE };
+    steps.round().copysign(coc) as i32
+}
+
+/// The signed radius that a step stands for.
+fn radius(step: i32) -> f64 {
+    let steps = f64::from(step.abs());
+    let small = SMALL_PX * FINE;
+    let r = if steps < small { steps / FINE } else { SMALL_PX + (steps - small) / COARSE };
+    r.copysign(f64::from(step))
+}
+
+/// What one pixel adds to the pixels of a target of half the size.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sprite {
+    /// Its first column and row, from the target's pixel that holds the one drawn.
+    pub left: i32,
+    /// See [`Sprite::left`].
+    pub top: i32,
+    /// Weights of a row, a multiple of [`LANES`]; all sum to a quarter, the pixel's area in the target.
+    pub across: usize,
+    /// Row by row.
+    pub weights: Vec<f32>,
+}
+
+impl Sprite {
+    /// The sprite of a pixel in an even (0) or odd (1) column and row: every pixel of the target has the mean of four.
+    fn new(weights: &[(i32, i32, f64)], odd: (i32, i32)) -> Sprite {
+        let total: f64 = weights.iter().map(|w| w.2).sum();
+        let halved = |(dx, dy, w): &(i32, i32, f64)| {
+            ((dx + odd.0).div_euclid(2), (dy + odd.1).div_euclid(2), 0.25 * w / total)
+        };
+        let cells: Vec<(i32, i32, f64)> = weights.iter().filter(|w| w.2 > 0.0).map(halved).collect();
+        let bounds = |of: fn(&(i32, i32, f64)) -> i32| {
+            let ends = cells.iter().map(of).fold((i32::MAX, i32::MIN), |(a, b), v| (a.min(v), b.max(v)));
+            (ends.0, (ends.1 - ends.0 + 1) as usize)
+        };
+        let ((left, across), (top, down)) = (bounds(|c| c.0), bounds(|c| c.1));
+        let across = across.next_multiple_of(LANES);
+        let mut sums = vec![0.0f64; across * down];
+        for (x, y, w) in cells {
+            sums[(y - top) as usize * across + (x - left) as usize] += w;
+        }
+        Sprite { left, top, across, weights: sums.into_iter().map(|w| w as f32).collect() }
+    }
+
+    /// Rows of the target that it covers.
+    pub fn down(&self) -> usize {
+        self.weights.len() / self.across
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn settings(shape: Shape) -> Settings {
+        Settings::new(shape, 1.0, 64.0).unwrap()
+    }
+
+    #[test]
+    fn steps_are_close_to_the_radius_they_stand_for() {
+        for i in -4000..4000 {
+            let coc = f64::from(i) * 0.0123;
+            let error = (radius(step(coc as f32)) - coc).abs();
+            assert!(error <= 0.5 / if coc.abs() < SMALL_PX { FINE } else { COARSE } + 1e-6, "{coc}: {error}");
+        }
+    }
+
+    #[test]
+    fn sprites_sum_to_the_area_of_their_pixel() {
+        let texture = Texture::new(3, vec![0.0, 1.0, 0.5, 2.0, 0.0, 1.0]).unwrap();
+        for shape in [Shape::Opening(Aperture::DISC), Shape::Texture(texture)] {
+            for coc in [-20.0, -1.2, 1.0, 7.3] {
+                for sprite in settings(shape.clone()).sprites(step(coc)) {
+                    let sum: f32 = sprite.weights.iter().sum();
+                    assert!((sum - 0.25).abs() < 1e-5, "{coc}: {sum}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_texture_is_shared_among_pixels_by_area() {
+        let texture = Texture::new(2, vec![1.0, 0.0]).unwrap();
+        // Two pixels to either side: texels two pixels wide and four high.
+        let at = |dx: i32, dy: i32| {
+            texture.weights(2.0).into_iter().find(|w| (w.0, w.1) == (dx, dy)).map_or(0.0, |w| w.2)
+        };
+        assert_eq!([at(-2, 0), at(-1, 0), at(0, 0), at(1, 0)], [0.5, 1.0, 0.5, 0.0]);
+        assert_eq!([at(-1, -2), at(-1, 2), at(-1, 3)], [0.5, 0.5, 0.0]);
+    }
+
+    #[test]
+    fn sprites_set_in_between_the_threshold_and_twice_that() {
+        let settings = Settings::new(Shape::Opening(Aperture::DISC), 2.0, 64.0).unwrap();
+        assert_eq!(
+            [0.0, -2.0, 3.0, -3.0, 4.0, 90.0].map(|c| settings.drawn(c)),
+            [0.0, 0.0, 0.5, 0.5, 1.0, 1.0]
+        );
+    }
+
+    #[test]
+    fn bad_values_are_named() {
+        let disc = || Shape::Opening(Aperture::DISC);
+        let text = |result: Result<Settings>| result.unwrap_err().to_string();
+        assert!(text(Settings::new(disc(), 0.1, 8.0)).starts_with("coc_threshold_px"));
+        assert!(text(Settings::new(disc(), 1.0, f64::NAN)).starts_with("max_coc_px"));
+        for (width, values) in [(0, vec![]), (1, vec![0.0]), (1, vec![-1.0]), (2, vec![1.0, f64::NAN])] {
+            assert!(Texture::new(width, values).unwrap_err().to_string().starts_with("sprite"));
+        }
+    }
+}
