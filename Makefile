@@ -21,11 +21,11 @@ CARGO = PYO3_PYTHON="$(CURDIR)/$(WORK)/bin/python" cargo
 .PHONY: help demo gallery test bench clean
 
 help:
-	@echo 'make demo   install into $(DEMO) and render the picture that comes with dofsim into dofsim-demo/'
+	@echo 'make demo     install into $(DEMO) and render the picture that comes with dofsim into dofsim-demo/'
 	@echo 'make gallery  draw that picture with every method into build/gallery/'
-	@echo 'make test   check everything, in $(WORK)'
-	@echo 'make bench  speed and memory at 1920 x 1080'
-	@echo 'make clean  remove what these made, but not the ray traced scenes in build/'
+	@echo 'make test     check everything, in $(WORK)'
+	@echo 'make bench    speed and memory at 1920 x 1080'
+	@echo 'make clean    remove what these made, but not the ray traced scenes in build/'
 
 demo: $(DEMO)/.installed
 	$(DEMO)/bin/dofsim demo -o dofsim-demo

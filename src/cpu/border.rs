@@ -61,6 +61,16 @@ impl Window {
         &self.values[i * self.area..][..self.area]
     }
 
+    /// A block of the first `C` planes from index `at` on.
+    #[inline(always)]
+    pub fn blocks<const C: usize>(&self, at: usize) -> [[f32; BLOCK]; C] {
+        let mut out = [[0.0; BLOCK]; C];
+        for c in 0..C {
+            out[c] = *block(self.plane(c), at);
+        }
+        out
+    }
+
     /// Index in a plane of pixel `(x, y)` of the frame.
     #[inline(always)]
     pub fn index(&self, x: usize, y: usize) -> usize {

@@ -1,7 +1,7 @@
 //! Carries out [`plan::gaussian`](crate::plan::gaussian).
 
 use super::border::{BLOCK, block, mirrored};
-use super::rows::{interleave, render_bands, with_channels};
+use super::rows::{interleave, mix, render_bands, with_channels};
 use super::simd::{Simd, multiversion};
 use crate::cancel::Cancel;
 use crate::error::Result;
@@ -143,12 +143,6 @@ multiversion! {
 #[inline(always)]
 fn weight(blurriness: f32, threshold: f32) -> f32 {
     (blurriness - threshold).clamp(0.0, 1.0)
-}
-
-/// From `a` to `b`.
-#[inline(always)]
-fn mix(a: f32, b: f32, fraction: f32) -> f32 {
-    a + fraction * (b - a)
 }
 
 /// A block of a line interpolated between the texels at two indices.

@@ -1,7 +1,7 @@
 //! Carries out [`plan::poisson`](crate::plan::poisson).
 
 use super::border::{BLOCK, Window, block};
-use super::rows::{interleave, render_bands, with_channels};
+use super::rows::{interleave, mix, render_bands, with_channels};
 use super::simd::{Simd, multiversion};
 use crate::cancel::Cancel;
 use crate::error::Result;
@@ -63,12 +63,6 @@ multiversion! {
 #[inline(always)]
 fn contribution(centre_disparity: f32, tap_disparity: f32, tap_blurriness: f32) -> f32 {
     if tap_disparity > centre_disparity { tap_blurriness } else { 1.0 }
-}
-
-/// From `a` to `b`; exact where they are equal.
-#[inline(always)]
-fn mix(a: f32, b: f32, fraction: f32) -> f32 {
-    a + fraction * (b - a)
 }
 
 /// Between four neighbours, two above and two below.
@@ -185,7 +179,7 @@ fn average<const C: usize>(
 ) -> [[f32; BLOCK]; C] {
     let disparity = block(window.plane(C), at);
     let mut total = [plan.centre; BLOCK];
-    let centre: [[f32; BLOCK]; C] = blocks(window, at);
+    let centre: [[f32; BLOCK]; C] = window.blocks(at);
     let mut moved = [[0.0f32; BLOCK]; C];
     for tap in &plan.taps {
         let places = Places::new(tap, scale_px, window.stride);
@@ -226,16 +220,6 @@ fn scales_px(plan: &Plan, disparity: &[f32; BLOCK]) -> [f32; BLOCK] {
     out
 }
 
-/// A block of all colours.
-#[inline(always)]
-fn blocks<const C: usize>(window: &Window, at: usize) -> [[f32; BLOCK]; C] {
-    let mut out = [[0.0; BLOCK]; C];
-    for c in 0..C {
-        out[c] = *block(window.plane(c), at);
-    }
-    out
-}
-
 multiversion! {
     /// One row of the picture.
     fn row<const C: usize>(plan: &Plan, window: &Window, y: usize, out: &mut [f32]) {
@@ -243,7 +227,7 @@ multiversion! {
             let at = window.index(i * BLOCK, y);
             let scale_px = scales_px(plan, block(window.plane(C), at));
             let blurred = if scale_px == [0.0; BLOCK] {
-                blocks::<C>(window, at)
+                window.blocks::<C>(at)
             } else {
                 average::<C>(plan, window, at, &scale_px)
             };

@@ -43,6 +43,12 @@ pub fn render_rows<S>(
     })
 }
 
+/// From `a` to `b`; exact where they are equal.
+#[inline(always)]
+pub fn mix(a: f32, b: f32, fraction: f32) -> f32 {
+    a + fraction * (b - a)
+}
+
 /// Puts the first pixels of a block of planes into an interleaved row.
 #[inline(always)]
 pub fn interleave<const C: usize>(planes: &[[f32; BLOCK]; C], out: &mut [f32]) {

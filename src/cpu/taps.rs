@@ -80,23 +80,26 @@ multiversion! {
     fn row<const C: usize>(plan: &Plan, window: &Window, y: usize, out: &mut [f32]) {
         for (i, out) in out.chunks_mut(BLOCK * C).enumerate() {
             let at = window.index(i * BLOCK, y);
+            let centre: [[f32; BLOCK]; C] = window.blocks(at);
             let centre_blur = block(window.plane(C), at);
+            if *centre_blur == [0.0; BLOCK] {
+                interleave(&centre, out);
+                continue;
+            }
             let mut sum = [[0.0f32; BLOCK]; C];
             for tap in &plan.taps {
                 let tap_blur = look_up(window.plane(C), window.stride, at, tap);
                 let weights = weights(plan.mix, centre_blur, &tap_blur);
                 for c in 0..C {
-                    let centre = block(window.plane(c), at);
                     let color = look_up(window.plane(c), window.stride, at, tap);
                     for x in 0..BLOCK {
-                        sum[c][x] += weights[x] * (color[x] - centre[x]);
+                        sum[c][x] += weights[x] * (color[x] - centre[c][x]);
                     }
                 }
             }
             for c in 0..C {
-                let centre = block(window.plane(c), at);
                 for x in 0..BLOCK {
-                    sum[c][x] = centre[x] + plan.share * sum[c][x];
+                    sum[c][x] = centre[c][x] + plan.share * sum[c][x];
                 }
             }
             interleave(&sum, out);

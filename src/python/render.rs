@@ -175,7 +175,8 @@ fn check_device(name: &str) -> PyResult<()> {
 ///   what is sharp does not leak onto what is blurred behind it.
 ///
 /// ``"gaussian"`` lays a half-size copy, blurred by 25 x 25 of its pixels, over the picture by blurriness, 0 to 1; after
-/// the second half of the same article. What is sharp does not spread.
+/// the second half of the same article. What is sharp does not spread. Its tables weigh the middle row and column of
+/// the blur more than their neighbours, which shows as a cross where a very bright point is.
 ///
 /// - ``max_coc_px``, float: the diameter of the circle of confusion from which on blurriness is 1, by default the 48
 ///   pixels of a disc that spreads light as far as the blur does.
