@@ -1,8 +1,10 @@
 //! NumPy arrays at the border: checked once, converted to planar `f32`, and back.
 
 use super::errors::choice;
-use super::run::installed;
+use super::run::{installed, simd};
 use crate::color::{Sample, Transfer};
+use crate::cpu::rows::with_channels;
+use crate::cpu::simd::Simd;
 use crate::depth::{DepthKind, Invalid, disparity_plane};
 use crate::memory;
 use crate::optics::Lens;
@@ -165,15 +167,20 @@ fn color_shape(shape: &[usize]) -> PyResult<ColorShape> {
 /// Cell offsets are 32-bit integers: a padded frame must stay below 2^31 cells.
 const MAX_SIDE: usize = 32_768;
 
-/// How many values are not finite, and the position of the first.
-fn not_finite(plane: &[f32], width: usize) -> Option<(usize, usize, usize)> {
-    let rows = plane.par_chunks(width);
-    let bad: usize = rows.map(|row| row.iter().map(|v| usize::from(!v.is_finite())).sum::<usize>()).sum();
-    if bad == 0 {
-        return None;
+/// An error if some value is not finite, with how many there are and where the first is.
+fn refuse_infinite(planes: &[f32], size: Size) -> PyResult<()> {
+    for (c, plane) in planes.chunks(size.pixels()).enumerate() {
+        if let Some(first) = plane.iter().position(|v| !v.is_finite()) {
+            let bad = plane.iter().filter(|v| !v.is_finite()).count();
+            return Err(PyValueError::new_err(format!(
+                "color has {bad} values in channel {c} that are not finite (or too large for float32); \
+                 the first is at row {}, column {}",
+                first / size.width,
+                first % size.width
+            )));
+        }
     }
-    let first = plane.iter().position(|v| !v.is_finite())?;
-    Some((bad, first / width, first % width))
+    Ok(())
 }
 
 /// Calls `read` with the samples of an array in row-major order, copied if they are not.
@@ -184,20 +191,37 @@ fn in_order<T: Sample, R>(view: &ArrayViewD<'_, T>, read: impl FnOnce(&[T]) -> R
     }
 }
 
-/// Takes one layer of interleaved colour apart into planes.
-fn color_planes<T: Sample>(samples: &[T], size: Size, transfer: Transfer) -> Vec<f32> {
-    let mut planes: Vec<f32> = memory::zeros(size.pixels() * size.channels);
-    planes.par_chunks_mut(size.width).enumerate().for_each(|(row, out)| {
-        let (c, y) = (row / size.height, row % size.height);
-        let pixels = samples[y * size.width * size.channels..].chunks_exact(size.channels);
-        for (out, pixel) in out.iter_mut().zip(pixels) {
+/// Takes one layer of interleaved colour apart into planes; also whether all of it is finite.
+fn color_planes<T: Sample>(samples: &[T], size: Size, transfer: Transfer, simd: Simd) -> (Vec<f32>, bool) {
+    let mut planes = memory::zeros(size.pixels() * size.channels);
+    let mut rows: Vec<Vec<&mut [f32]>> =
+        (0..size.height).map(|_| Vec::with_capacity(size.channels)).collect();
+    for plane in planes.chunks_mut(size.pixels()) {
+        plane.chunks_mut(size.width).zip(&mut rows).for_each(|(row, rows)| rows.push(row));
+    }
+    let samples = samples.par_chunks(size.width * size.channels);
+    let finite = rows.par_iter_mut().zip(samples).map(|(rows, samples)| {
+        simd.run(|| with_channels!(size.channels, C => separate::<T, C>(samples, rows)));
+        for (c, row) in rows.iter_mut().enumerate() {
+            if transfer != Transfer::Linear && (c < 3 || size.channels < 4) {
+                row.iter_mut().for_each(|v| *v = transfer.decode(*v));
+            }
+        }
+        rows.iter().all(|row| simd.run(|| row.iter().fold(true, |all, v| all & v.is_finite())))
+    });
+    // Every row is to be read, whatever the others hold.
+    let finite = finite.reduce(|| true, |a, b| a & b);
+    (planes, finite)
+}
+
+/// Takes one row of interleaved samples apart.
+#[inline(always)]
+fn separate<T: Sample, const C: usize>(samples: &[T], rows: &mut [&mut [f32]]) {
+    for (c, row) in rows.iter_mut().enumerate() {
+        for (out, pixel) in row.iter_mut().zip(samples.as_chunks::<C>().0) {
             *out = pixel[c].to_code();
         }
-        if transfer != Transfer::Linear && (c < 3 || size.channels < 4) {
-            out.iter_mut().for_each(|v| *v = transfer.decode(*v));
-        }
-    });
-    planes
+    }
 }
 
 /// Multiplies or divides the colour planes by the last one, coverage.
@@ -256,17 +280,13 @@ fn read_layer_color(
     format: &ColorFormat,
 ) -> PyResult<Vec<f32>> {
     let size = shape.size;
-    let mut planes = with_sample_type!(format.sample_type, T => view::<T, _>(array, |view| {
+    let simd = simd()?;
+    let (mut planes, finite) = with_sample_type!(format.sample_type, T => view::<T, _>(array, |view| {
         let view = if shape.layered { view.index_axis_move(Axis(0), layer) } else { view };
-        in_order(&view, |samples| installed(|| color_planes(samples, size, format.transfer)))
+        in_order(&view, |samples| installed(|| color_planes(samples, size, format.transfer, simd)))
     }))??;
-    for (c, plane) in planes.chunks(size.pixels()).enumerate() {
-        if let Some((bad, y, x)) = installed(|| not_finite(plane, size.width))? {
-            return Err(PyValueError::new_err(format!(
-                "color has {bad} values in channel {c} that are not finite (or too large for float32); \
-                 the first is at row {y}, column {x}"
-            )));
-        }
+    if !finite {
+        refuse_infinite(&planes, size)?;
     }
     if format.alpha != Alpha::None {
         let alpha = &planes[size.pixels() * (size.channels - 1)..];

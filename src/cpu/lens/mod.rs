@@ -25,6 +25,7 @@ use crate::aperture::Aperture;
 use crate::cancel::Cancel;
 use crate::cpu::rows::with_channels;
 use crate::cpu::simd::Simd;
+use crate::cpu::tiles::split;
 use crate::error::{Result, value_error};
 use crate::memory;
 use crate::optics::Optics;
@@ -133,10 +134,10 @@ pub fn render(
 
     let scene = highlights::Scene { packed: &packed, s_focus, kernels: &kernels };
     let missed = if sheets.opaque { Missed::Unknown } else { Missed::Nothing };
-    let mut slots = tile_slots(&mut out, size.width, size.channels);
+    let mut slots = split(&mut out, size, TILE);
     slots.par_iter_mut().zip(&tiles).enumerate().try_for_each_init(
         || (Segments::default(), Around::default(), TileColor::new(size.channels)),
-        |(segments, around, color), (i, (rows, tile))| {
+        |(segments, around, color), (i, (slot, tile))| {
             cancel.check()?;
             match &tile.work {
                 Work::Copy => copy(picture, tile.origin, color),
@@ -149,7 +150,7 @@ pub fn render(
                 }
             }
             highlights.draw(&scene, i, tile.origin, color);
-            for (y, row) in rows.iter_mut().enumerate() {
+            for (y, row) in slot.rows.iter_mut().enumerate() {
                 with_channels!(size.channels, C => color.interleave::<C>(y, row));
             }
             Ok(())
@@ -178,41 +179,25 @@ fn view_sets(tiles: &[Tile], aperture: &Aperture) -> BTreeMap<usize, Vec<views::
     counts.into_iter().map(|n| (n, views::views(aperture, n))).collect()
 }
 
-/// The rows of each tile in an interleaved frame, tiles in scan order.
-fn tile_slots(out: &mut [f32], width: usize, channels: usize) -> Vec<Vec<&mut [f32]>> {
-    let mut slots = Vec::new();
-    for band in out.chunks_mut(width * channels * TILE.1) {
-        let first = slots.len();
-        slots.resize_with(first + width.div_ceil(TILE.0), Vec::new);
-        for row in band.chunks_mut(width * channels) {
-            for (i, piece) in row.chunks_mut(TILE.0 * channels).enumerate() {
-                slots[first + i].push(piece);
-            }
-        }
-    }
-    slots
-}
-
 /// The tile as the pinhole saw it: layers over one another.
 fn copy(picture: &Picture, origin: (usize, usize), out: &mut TileColor) {
     let (size, n) = (picture.size, picture.size.pixels());
+    let across = TILE.0.min(size.width - origin.0);
     for y in 0..TILE.1.min(size.height - origin.1) {
-        for x in 0..TILE.0.min(size.width - origin.0) {
-            let i = (origin.1 + y) * size.width + origin.0 + x;
-            let mut left = 1.0;
-            let mut color = [0.0f32; 4];
-            for layer in &picture.layers {
-                for c in 0..size.channels {
-                    color[c] += left * layer.color[c * n + i];
-                }
-                left *= if picture.layers.len() > 1 {
-                    1.0 - layer.color[(size.channels - 1) * n + i]
+        let start = (origin.1 + y) * size.width + origin.0;
+        let mut left = [1.0f32; TILE.0];
+        for (i, layer) in picture.layers.iter().enumerate() {
+            let row = |c: usize| &layer.color[c * n + start..][..across];
+            for (c, plane) in out.planes.iter_mut().enumerate() {
+                let out = &mut plane[y * TILE.0..][..across];
+                if i == 0 {
+                    out.copy_from_slice(row(c));
                 } else {
-                    0.0
-                };
+                    out.iter_mut().zip(row(c)).zip(&left).for_each(|((out, v), left)| *out += left * v);
+                }
             }
-            for (plane, c) in out.planes.iter_mut().zip(color) {
-                plane[y * TILE.0 + x] = c;
+            if picture.layers.len() > 1 {
+                left.iter_mut().zip(row(size.channels - 1)).for_each(|(left, alpha)| *left *= 1.0 - alpha);
             }
         }
     }
