@@ -75,7 +75,7 @@ def test_inputs_are_only_read():
     assert not np.shares_memory(out, color)
 
 
-@pytest.mark.parametrize("side", [2048])
+@pytest.mark.parametrize("side", [4096])
 def test_big_picture(side):
     color = np.random.default_rng(8).random((side, side, 3), dtype=np.float32)
     depth = np.full((side, side), 4.0, np.float32)
