@@ -31,7 +31,7 @@ METHODS: dict[str, Callable[[Bundle, dofsim.Lens], NDArray]] = {
     "gather": lambda b, lens: gather(b["color"], dofsim.coc(b["depth"], lens)),
     "poisson": lambda b, lens: dofsim.render(b["color"], b["depth"], lens, method="poisson"),
     "poisson, 128 taps": lambda b, lens: dofsim.render(
-        b["color"], b["depth"], lens, method="poisson", taps=128, max_coc_px=64
+        b["color"], b["depth"], lens, method="poisson", taps=128, max_coc_px=32
     ),
     "gaussian": lambda b, lens: dofsim.render(b["color"], b["depth"], lens, method="gaussian"),
     "hexagonal": lambda b, lens: dofsim.render(b["color"], b["depth"], lens, method="hexagonal"),

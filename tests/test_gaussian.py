@@ -17,12 +17,12 @@ def render(color, disparity, lens=LENS, **options):
 
 
 @pytest.mark.parametrize("size", [(60, 150), (61, 151), (5, 3), (1, 1)])
-@pytest.mark.parametrize("max_coc_px", [None, 30.0])
+@pytest.mark.parametrize("max_coc_px", [None, 15.0])
 def test_formula(size, max_coc_px):
     rng = np.random.default_rng(8)
     color, disparity = rng.random((*size, 3), dtype=np.float32), rng.uniform(-1.0, 1.0, size)
     disparity[size[0] // 3 :, size[1] // 3 :] = 0.0
-    blurriness = np.minimum(2.0 * 24.0 * np.abs(disparity) / (max_coc_px or 48.0), 1.0)
+    blurriness = np.minimum(24.0 * np.abs(disparity) / (max_coc_px or 24.0), 1.0)
     out = render(color, disparity, max_coc_px=max_coc_px)
     np.testing.assert_allclose(out, oracle.render(color, blurriness), atol=1e-5)
 
@@ -98,7 +98,7 @@ def test_what_is_sharp_does_not_spread():
     ("options", "message"),
     [
         ({"focal_range": 0.0}, "focal_range must be a distance in metres, .*; got 0"),
-        ({"max_coc_px": -2.0}, "max_coc_px must be a diameter in pixels, .*; got -2"),
+        ({"max_coc_px": -2.0}, "max_coc_px must be a radius in pixels, .*; got -2"),
         ({"max_coc_px": 9.0, "focal_range": 1.0}, "only one may be given"),
     ],
 )

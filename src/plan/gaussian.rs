@@ -27,7 +27,7 @@ pub const REACH: usize = 12;
 /// What blurriness is measured by.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Blurriness {
-    /// The circle of confusion over this diameter.
+    /// The radius of the circle of confusion over this one.
     CircleOfConfusion { max_coc_px: f64 },
     /// The distance from the focus plane over this one.
     Range { range_m: f64 },
@@ -40,10 +40,10 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// The diameter of the disc that spreads light as far as the blur does, to a pixel.
-    pub const MAX_COC_PX: f64 = 48.0;
+    /// The radius of the disc that spreads light as far as the blur does, to a pixel.
+    pub const MAX_COC_PX: f64 = 24.0;
 
-    /// Full blur from this distance from the focus plane on, in metres, or from this diameter of the circle of
+    /// Full blur from this distance from the focus plane on, in metres, or from this radius of the circle of
     /// confusion on.
     pub fn new(focal_range: Option<f64>, max_coc_px: Option<f64>) -> Result<Settings> {
         let positive = |name: &str, what: &str, value: f64| {
@@ -65,7 +65,7 @@ impl Settings {
             (None, max_coc_px) => Blurriness::CircleOfConfusion {
                 max_coc_px: positive(
                     "max_coc_px",
-                    "a diameter in pixels",
+                    "a radius in pixels",
                     max_coc_px.unwrap_or(Self::MAX_COC_PX),
                 )?,
             },
@@ -125,7 +125,7 @@ impl Plan {
     pub fn blurriness(&self, d: f32) -> f32 {
         let d = f64::from(d);
         let blurriness = match self.blurriness {
-            Blurriness::CircleOfConfusion { max_coc_px } => 2.0 * self.optics.shift_px(d).abs() / max_coc_px,
+            Blurriness::CircleOfConfusion { max_coc_px } => self.optics.shift_px(d).abs() / max_coc_px,
             Blurriness::Range { range_m } => self.optics.beyond_focus_m(d).abs() / range_m,
         };
         blurriness.min(1.0) as f32
@@ -164,9 +164,9 @@ mod tests {
     fn full_blur_spreads_light_as_the_largest_circle_does() {
         let [x, y] = sigma_px();
         assert!((x - 10.75).abs() < 0.01 && (y - 13.07).abs() < 0.01, "{x} {y}");
-        // A disc of diameter b has the variance b^2 / 16 along each axis.
-        let diameter = 4.0 * (0.5 * (x * x + y * y)).sqrt();
-        assert!((diameter - Settings::MAX_COC_PX).abs() < 0.5, "{diameter}");
+        // A disc of radius r has the variance r^2 / 4 along each axis.
+        let radius = 2.0 * (0.5 * (x * x + y * y)).sqrt();
+        assert!((radius - Settings::MAX_COC_PX).abs() < 0.5, "{radius}");
     }
 
     #[test]

@@ -36,8 +36,8 @@ pub const TWELVE: [[f64; 2]; 12] = [
 
 /// The most outer taps.
 pub const MAX_TAPS: usize = 128;
-/// The largest circle of confusion that can be asked for, in pixels.
-const MAX_COC_PX: f64 = 1024.0;
+/// The largest radius of the circle of confusion that can be asked for, in pixels.
+const MAX_COC_PX: f64 = 512.0;
 /// Standard deviation of the bell that weighs taps, as a fraction of the way to the rim.
 const BELL: f64 = 0.5;
 
@@ -204,17 +204,18 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// The largest circle of confusion unless a caller says otherwise: more would need more than twelve taps.
-    pub const MAX_COC_PX: f64 = 10.0;
+    /// The largest radius unless a caller says otherwise: more would need more than twelve taps. The article gives the
+    /// diameter, 10 pixels.
+    pub const MAX_COC_PX: f64 = 5.0;
 
-    /// Taps, the diameter in pixels that circles of confusion are limited to, and what taps in front count.
+    /// Taps, the radius in pixels that circles of confusion are limited to, and what taps in front count.
     pub fn new(pattern: Pattern, max_coc_px: f64, leak_test: LeakTest) -> Result<Settings> {
         if !(max_coc_px > 0.0 && max_coc_px <= MAX_COC_PX) {
             return Err(value_error!(
-                "max_coc_px must be a diameter in pixels, greater than 0 and at most {MAX_COC_PX}; got {max_coc_px}"
+                "max_coc_px must be a radius in pixels, greater than 0 and at most {MAX_COC_PX}; got {max_coc_px}"
             ));
         }
-        Ok(Settings { pattern, max_radius_px: 0.5 * max_coc_px, leak_test })
+        Ok(Settings { pattern, max_radius_px: max_coc_px, leak_test })
     }
 }
 

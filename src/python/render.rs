@@ -169,8 +169,8 @@ fn check_device(name: &str) -> PyResult<()> {
 ///   and weights, where the pixel's own is 1. The pattern is turned by 180 degrees behind the focus plane.
 /// - ``bokeh``, "uniform" (default), "ring", "gaussian" or "inverse": where light falls within a blurred point:
 ///   evenly, on the rim alone, more in the middle, or more towards the rim.
-/// - ``max_coc_px``, float: the diameter that circles of confusion are limited to, by default 10 pixels. Twelve taps
-///   do not fill a larger one.
+/// - ``max_coc_px``, float: the radius that circles of confusion are limited to, by default 5 pixels. Twelve taps do
+///   not fill a larger one.
 /// - ``leak_test``, "on" (default) or "off": whether taps in front of a pixel count by their own blurriness, so that
 ///   what is sharp does not leak onto what is blurred behind it.
 ///
@@ -178,7 +178,7 @@ fn check_device(name: &str) -> PyResult<()> {
 /// the second half of the same article. What is sharp does not spread. Its tables weigh the middle row and column of
 /// the blur more than their neighbours, which shows as a cross where a very bright point is.
 ///
-/// - ``max_coc_px``, float: the diameter of the circle of confusion from which on blurriness is 1, by default the 48
+/// - ``max_coc_px``, float: the radius of the circle of confusion from which on blurriness is 1, by default the 24
 ///   pixels of a disc that spreads light as far as the blur does.
 /// - ``focal_range``, float: instead, the distance in metres from the focus plane from which on it is 1.
 ///

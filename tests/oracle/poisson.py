@@ -16,14 +16,14 @@ def render(
     disparity: NDArray,
     coc_px: NDArray,
     taps: NDArray = TWELVE,
-    max_coc_px: float = 10.0,
+    max_coc_px: float = 5.0,
     leak_test: bool = True,
 ) -> NDArray[np.float64]:
     """Blur an (H, W, C) picture; `coc_px` is the signed radius, positive behind the focus."""
     color, disparity = color.astype(np.float64), disparity.astype(np.float64)
-    blurriness = np.minimum(2.0 * np.abs(coc_px.astype(np.float64)) / max_coc_px, 1.0)
+    blurriness = np.minimum(np.abs(coc_px.astype(np.float64)) / max_coc_px, 1.0)
     # The pattern is turned round behind the focus.
-    scale = -np.sign(coc_px) * blurriness * max_coc_px / 2.0
+    scale = -np.sign(coc_px) * blurriness * max_coc_px
     y, x = np.mgrid[: color.shape[0], : color.shape[1]].astype(float)
     colors, counts = color.copy(), np.ones(disparity.shape)
     for dx, dy, *weight in taps:
