@@ -38,6 +38,7 @@ class Recipe:
 
 RECIPES = {
     "spheres": Recipe(),
+    "balls": Recipe(),
     "fence": Recipe(),
     "hair": Recipe(),
     "lamps": Recipe(lamp_spp=256, uses=("lights",)),
