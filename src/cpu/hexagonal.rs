@@ -380,6 +380,23 @@ fn whole(tap: Tap) -> Lane {
     [tap.share * tap.step_px; LANES]
 }
 
+// One operation a loop: of loops that do more at once the compiler leaves some lanes out of its vectors.
+#[inline(always)]
+fn product(a: &Lane, b: &Lane) -> Lane {
+    let mut out = [0.0; LANES];
+    for i in 0..LANES {
+        out[i] = a[i] * b[i];
+    }
+    out
+}
+
+#[inline(always)]
+fn add(sum: &mut Lane, v: &Lane) {
+    for i in 0..LANES {
+        sum[i] += v[i];
+    }
+}
+
 /// Adds some of the light of planes to sums.
 #[inline(always)]
 fn add_planes<const C: usize>(
@@ -390,10 +407,7 @@ fn add_planes<const C: usize>(
     weight: &Lane,
 ) {
     for c in 0..C {
-        let plane = lane(values, first + c * area);
-        for i in 0..LANES {
-            sums[c][i] += weight[i] * plane[i];
-        }
+        add(&mut sums[c], &product(weight, lane(values, first + c * area)));
     }
 }
 
@@ -457,8 +471,8 @@ impl<const C: usize> NearSum<C> {
     #[inline(always)]
     fn add_step(&mut self, field: &Field, near: Near, from: usize, weight: &Lane, radius: &Lane) {
         let coverage = lane(&field.values, near.coverage + from);
+        add(&mut self.coverage, &product(weight, coverage));
         for i in 0..LANES {
-            self.coverage[i] += weight[i] * coverage[i];
             self.radius[i] = if radius[i] > self.radius[i] { radius[i] } else { self.radius[i] };
         }
         add_planes(&mut self.color, &field.values, near.color + from, field.area, weight);
@@ -509,11 +523,8 @@ impl<const C: usize> RestSum<C> {
             let (all, some) = Span { least: known, most: around.behind.most.min(2.0 * own.most) }.split(line);
             for &tap in all {
                 let from = look_up(at, tap, field.stride);
-                let (mut weight, inverse) = (whole(tap), lane(values, field.inverse + from));
-                for i in 0..LANES {
-                    weight[i] *= inverse[i];
-                    total[i] += weight[i];
-                }
+                let weight = product(&whole(tap), lane(values, field.inverse + from));
+                add(&mut total, &weight);
                 add_planes(&mut sum.color, values, rest.color + from, field.area, &weight);
             }
             for &tap in some {
@@ -522,9 +533,10 @@ impl<const C: usize> RestSum<C> {
                 let mut weight = [0.0; LANES];
                 for i in 0..LANES {
                     let near_enough = if coc[i] < 2.0 * own.coc[i] { coc[i] } else { 0.0 };
-                    weight[i] = part(tap, near_enough) * inverse[i];
-                    total[i] += weight[i];
+                    weight[i] = part(tap, near_enough);
                 }
+                let weight = product(&weight, inverse);
+                add(&mut total, &weight);
                 add_planes(&mut sum.color, values, rest.color + from, field.area, &weight);
             }
         }
@@ -563,10 +575,8 @@ impl<const C: usize> RestSum<C> {
     #[inline(always)]
     fn look(&mut self, field: &Field, rest: Rest, from: usize, weight: &Lane, total: &mut Lane) {
         let seen = lane(&field.values, rest.seen + from);
-        for i in 0..LANES {
-            total[i] += weight[i];
-            self.seen[i] += weight[i] * seen[i];
-        }
+        add(total, weight);
+        add(&mut self.seen, &product(weight, seen));
         add_planes(&mut self.color, &field.values, rest.color + from, field.area, weight);
     }
 
