@@ -2,7 +2,7 @@
 
 use super::border::{mirrored, read_mirrored};
 use super::rows::with_channels;
-use super::simd::{Simd, multiversion};
+use super::simd::Simd;
 use super::tiles::{self, Tile};
 use crate::cancel::Cancel;
 use crate::error::Result;
@@ -30,7 +30,7 @@ pub fn render(
     cancel: &Cancel,
 ) -> Result<Vec<f32>> {
     let mut frame = Frame { layer, size, optics, max_coc_px: settings.max_coc_px, tile: (0, 0) };
-    let reach_px = layer.disparity.par_iter().map(|&d| frame.coc(d).abs()).reduce(|| 0.0, f32::max);
+    let reach_px = layer.disparity_range().map(|d| frame.coc(d).abs()).into_iter().fold(0.0, f32::max);
     frame.tile = tile_size(reach_px);
     let plan = Plan::new(settings, f64::from(reach_px));
     let mut out = vec![0.0f32; size.pixels() * size.channels];
@@ -43,7 +43,7 @@ pub fn render(
                 if field.reach.is_none() {
                     copy_tile::<C>(layer, size, tile);
                 } else {
-                    shade_tile::<C>(simd, &plan, field, tile);
+                    simd.run(#[inline(always)] || shade_tile::<C>(&plan, field, tile));
                 }
             });
             Ok(())
@@ -172,7 +172,10 @@ impl Field {
             let y = origin.1 as i64 + row as i64 - self.before.1 as i64;
             let from = mirrored(y, size.height).0 * size.width;
             read_mirrored(&frame.layer.disparity[from..][..size.width], left, &mut self.row);
-            circles(simd, frame, &self.row, &mut self.values[self.coc + row * stride..][..stride]);
+            simd.run(
+                #[inline(always)]
+                || circles(frame, &self.row, &mut self.values[self.coc + row * stride..][..stride]),
+            );
         }
         self.reach = Reach::new(&self.values[self.coc..][..area], stride);
         if self.reach.is_none() {
@@ -181,52 +184,55 @@ impl Field {
         for row in 0..area / stride {
             let y = origin.1 as i64 + row as i64 - self.before.1 as i64;
             let from = mirrored(y, size.height).0 * size.width;
-            measure(simd, self, row * stride);
+            simd.run(
+                #[inline(always)]
+                || measure(self, row * stride),
+            );
             for c in 0..size.channels {
                 let color = &frame.layer.color[c * size.pixels() + from..][..size.width];
                 read_mirrored(color, left, &mut self.row);
-                part_layers(simd, self, row * stride, c);
+                simd.run(
+                    #[inline(always)]
+                    || part_layers(self, row * stride, c),
+                );
             }
         }
     }
 }
 
-multiversion! {
-    /// Signed circles of confusion of a row.
-    fn circles(frame: &Frame, disparity: &[f32], out: &mut [f32]) {
-        map(disparity, out, |d| frame.coc(d));
-    }
+/// Signed circles of confusion of a row.
+#[inline(always)]
+fn circles(frame: &Frame, disparity: &[f32], out: &mut [f32]) {
+    map(disparity, out, |d| frame.coc(d));
 }
 
-multiversion! {
-    /// What follows from the circles of confusion alone, for the row at index `at` of every plane.
-    fn measure(field: &mut Field, at: usize) {
-        let Planes { near, rest } = field.picture;
-        let row = |plane: usize| plane + at..plane + at + field.stride;
-        // The planes of circles of confusion are the last.
-        let (planes, coc) = field.values.split_at_mut(field.coc);
-        let (coc, inverse) = coc.split_at_mut(field.area);
-        let coc = &coc[row(0)];
-        map(coc, &mut inverse[row(0)], |coc| if coc > 0.0 { 1.0 / coc } else { 0.0 });
-        map(coc, &mut planes[row(near.coverage)], |coc| if coc < 0.0 { -1.0 / coc } else { 0.0 });
-        map(coc, &mut planes[row(near.radius)], |coc| if coc < 0.0 { -coc } else { 0.0 });
-        map(coc, &mut planes[row(rest.seen)], |coc| if coc < 0.0 { 0.0 } else { 1.0 });
-    }
+/// What follows from the circles of confusion alone, for the row at index `at` of every plane.
+#[inline(always)]
+fn measure(field: &mut Field, at: usize) {
+    let Planes { near, rest } = field.picture;
+    let row = |plane: usize| plane + at..plane + at + field.stride;
+    // The planes of circles of confusion are the last.
+    let (planes, coc) = field.values.split_at_mut(field.coc);
+    let (coc, inverse) = coc.split_at_mut(field.area);
+    let coc = &coc[row(0)];
+    map(coc, &mut inverse[row(0)], |coc| if coc > 0.0 { 1.0 / coc } else { 0.0 });
+    map(coc, &mut planes[row(near.coverage)], |coc| if coc < 0.0 { -1.0 / coc } else { 0.0 });
+    map(coc, &mut planes[row(near.radius)], |coc| if coc < 0.0 { -coc } else { 0.0 });
+    map(coc, &mut planes[row(rest.seen)], |coc| if coc < 0.0 { 0.0 } else { 1.0 });
 }
 
-multiversion! {
-    /// Parts the colours of a row in front from the others.
-    fn part_layers(field: &mut Field, at: usize, c: usize) {
-        let Planes { near, rest } = field.picture;
-        let row = |plane: usize| plane + at..plane + at + field.stride;
-        let (planes, coc) = field.values.split_at_mut(field.coc);
-        let pixels = || field.row.iter().zip(&coc[row(0)]);
-        for (out, (color, coc)) in planes[row(near.color + c * field.area)].iter_mut().zip(pixels()) {
-            *out = if *coc < 0.0 { -color / coc } else { 0.0 };
-        }
-        for (out, (color, coc)) in planes[row(rest.color + c * field.area)].iter_mut().zip(pixels()) {
-            *out = if *coc < 0.0 { 0.0 } else { *color };
-        }
+/// Parts the colours of a row in front from the others.
+#[inline(always)]
+fn part_layers(field: &mut Field, at: usize, c: usize) {
+    let Planes { near, rest } = field.picture;
+    let row = |plane: usize| plane + at..plane + at + field.stride;
+    let (planes, coc) = field.values.split_at_mut(field.coc);
+    let pixels = || field.row.iter().zip(&coc[row(0)]);
+    for (out, (color, coc)) in planes[row(near.color + c * field.area)].iter_mut().zip(pixels()) {
+        *out = if *coc < 0.0 { -color / coc } else { 0.0 };
+    }
+    for (out, (color, coc)) in planes[row(rest.color + c * field.area)].iter_mut().zip(pixels()) {
+        *out = if *coc < 0.0 { 0.0 } else { *color };
     }
 }
 
@@ -670,31 +676,30 @@ fn copy_tile<const C: usize>(layer: &Layer, size: Size, tile: &mut Tile) {
     }
 }
 
-multiversion! {
-    /// Both passes over one tile.
-    fn shade_tile<const C: usize>(plan: &Plan, field: &mut Field, tile: &mut Tile) {
-        let (columns, rows) = (tile.rows[0].len() / C, tile.rows.len());
-        let left = field.second.left.next_multiple_of(LANES);
-        // Down narrow strips, whose surroundings stay in the first level of the cache.
-        let end = left + columns + field.second.right;
-        for strip in (0..end).step_by(STRIP) {
-            for y in 0..rows + field.second.above + field.second.below {
-                let first = field.index(-(left as isize), y as isize - field.second.above as isize);
-                for x in (strip..end.min(strip + STRIP)).step_by(LANES) {
-                    gather::<C>(plan, field, first + x);
-                }
+/// Both passes over one tile.
+#[inline(always)]
+fn shade_tile<const C: usize>(plan: &Plan, field: &mut Field, tile: &mut Tile) {
+    let (columns, rows) = (tile.rows[0].len() / C, tile.rows.len());
+    let left = field.second.left.next_multiple_of(LANES);
+    // Down narrow strips, whose surroundings stay in the first level of the cache.
+    let end = left + columns + field.second.right;
+    for strip in (0..end).step_by(STRIP) {
+        for y in 0..rows + field.second.above + field.second.below {
+            let first = field.index(-(left as isize), y as isize - field.second.above as isize);
+            for x in (strip..end.min(strip + STRIP)).step_by(LANES) {
+                gather::<C>(plan, field, first + x);
             }
         }
-        for strip in (0..columns).step_by(STRIP) {
-            for (y, row) in tile.rows.iter_mut().enumerate() {
-                let out = &mut row[strip * C..columns.min(strip + STRIP) * C];
-                for (i, out) in out.chunks_mut(LANES * C).enumerate() {
-                    let at = field.index((strip + i * LANES) as isize, y as isize);
-                    let colors = shade::<C>(plan, field, at);
-                    for (x, pixel) in out.chunks_exact_mut(C).enumerate() {
-                        for c in 0..C {
-                            pixel[c] = colors[c][x];
-                        }
+    }
+    for strip in (0..columns).step_by(STRIP) {
+        for (y, row) in tile.rows.iter_mut().enumerate() {
+            let out = &mut row[strip * C..columns.min(strip + STRIP) * C];
+            for (i, out) in out.chunks_mut(LANES * C).enumerate() {
+                let at = field.index((strip + i * LANES) as isize, y as isize);
+                let colors = shade::<C>(plan, field, at);
+                for (x, pixel) in out.chunks_exact_mut(C).enumerate() {
+                    for c in 0..C {
+                        pixel[c] = colors[c][x];
                     }
                 }
             }

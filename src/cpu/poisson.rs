@@ -2,7 +2,7 @@
 
 use super::border::{BLOCK, Window, block};
 use super::rows::{interleave, mix, render_bands, with_channels};
-use super::simd::{Simd, multiversion};
+use super::simd::Simd;
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::optics::Optics;
@@ -31,7 +31,10 @@ pub fn render(
         } else if plane == size.channels {
             out.copy_from_slice(disparity);
         } else {
-            blurriness_row(simd, &plan, disparity, out);
+            simd.run(
+                #[inline(always)]
+                || blurriness_row(&plan, disparity, out),
+            );
         }
     };
     let band = BAND.max(plan.margin);
@@ -44,20 +47,22 @@ pub fn render(
             let length = size.width * size.channels;
             window.fill(first, out.len() / length, read);
             let (disparity, blurriness) = (window.plane(size.channels), window.plane(size.channels + 1));
-            find_extremes(simd, disparity, blurriness, window.stride, extremes);
+            simd.run(
+                #[inline(always)]
+                || find_extremes(disparity, blurriness, window.stride, extremes),
+            );
             for (i, out) in out.chunks_mut(length).enumerate() {
-                with_channels!(size.channels, C => row::<C>(simd, &plan, window, extremes, first + i, out));
+                with_channels!(size.channels, C => simd.run(#[inline(always)] || row::<C>(&plan, window, extremes, first + i, out)));
             }
         },
     )
 }
 
-multiversion! {
-    /// The blurriness of a row.
-    fn blurriness_row(plan: &Plan, disparity: &[f32], out: &mut [f32]) {
-        for (blurriness, d) in out.iter_mut().zip(disparity) {
-            *blurriness = plan.blurriness(*d);
-        }
+/// The blurriness of a row.
+#[inline(always)]
+fn blurriness_row(plan: &Plan, disparity: &[f32], out: &mut [f32]) {
+    for (blurriness, d) in out.iter_mut().zip(disparity) {
+        *blurriness = plan.blurriness(*d);
     }
 }
 
@@ -333,29 +338,27 @@ fn reduce(
     cells.extend(columns.chunks(Extremes::CELL).map(|cell| cell.iter().fold(cell[0], |a, b| pick(a, *b))));
 }
 
-multiversion! {
-    /// Finds the extremes of planes of disparity and blurriness.
-    fn find_extremes(disparity: &[f32], blurriness: &[f32], stride: usize, extremes: &mut Extremes) {
-        let Extremes { columns, nearest, least_blurred } = extremes;
-        reduce(disparity, stride, columns, nearest, greater);
-        reduce(blurriness, stride, columns, least_blurred, lesser);
-    }
+/// Finds the extremes of planes of disparity and blurriness.
+#[inline(always)]
+fn find_extremes(disparity: &[f32], blurriness: &[f32], stride: usize, extremes: &mut Extremes) {
+    let Extremes { columns, nearest, least_blurred } = extremes;
+    reduce(disparity, stride, columns, nearest, greater);
+    reduce(blurriness, stride, columns, least_blurred, lesser);
 }
 
-multiversion! {
-    /// One row of the picture.
-    fn row<const C: usize>(plan: &Plan, window: &Window, extremes: &Extremes, y: usize, out: &mut [f32]) {
-        for (i, out) in out.chunks_mut(BLOCK * C).enumerate() {
-            let at = window.index(i * BLOCK, y);
-            let disparity = block(window.plane(C), at);
-            let scale_px = Scales::new(plan, disparity);
-            let blurred = if scale_px.all_alike && scale_px.each[0] == 0.0 {
-                window.blocks::<C>(at)
-            } else {
-                average::<C>(plan, window, at, &scale_px, extremes.leak_test(plan, i * BLOCK, disparity))
-            };
-            interleave(&blurred, out);
-        }
+/// One row of the picture.
+#[inline(always)]
+fn row<const C: usize>(plan: &Plan, window: &Window, extremes: &Extremes, y: usize, out: &mut [f32]) {
+    for (i, out) in out.chunks_mut(BLOCK * C).enumerate() {
+        let at = window.index(i * BLOCK, y);
+        let disparity = block(window.plane(C), at);
+        let scale_px = Scales::new(plan, disparity);
+        let blurred = if scale_px.all_alike && scale_px.each[0] == 0.0 {
+            window.blocks::<C>(at)
+        } else {
+            average::<C>(plan, window, at, &scale_px, extremes.leak_test(plan, i * BLOCK, disparity))
+        };
+        interleave(&blurred, out);
     }
 }
 
