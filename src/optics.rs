@@ -85,6 +85,7 @@ pub struct Optics {
 
 impl Optics {
     /// Signed shift in pixels at disparity `d`: positive in front of the focus plane.
+    #[inline(always)]
     pub fn shift_px(&self, d: f64) -> f64 {
         self.k * (d - self.d_focus)
     }

@@ -1,7 +1,7 @@
 //! Linear interpolation between the centres of pixels that are larger than the picture's.
 
 use super::border::mirrored;
-use super::simd::{Simd, multiversion};
+use super::simd::Simd;
 
 /// A target whose pixels are `scale` times as large along each axis; `scale` is a power of two.
 pub struct Enlarge {
@@ -36,36 +36,49 @@ impl Enlarge {
     /// Interpolates two rows of a target at the pixels of the picture's row `y`.
     pub fn row(&mut self, simd: Simd, y: usize, rows: [&[f32]; 2], out: &mut [f32]) {
         let fraction = self.fractions[(y + self.first()) % self.fractions.len()];
-        between(simd, fraction, rows, &mut self.between);
+        simd.run(
+            #[inline(always)]
+            || between(fraction, rows, &mut self.between),
+        );
         match self.fractions.len() {
-            1 => stretch::<1>(simd, &self.fractions, &self.between, out),
-            2 => stretch::<2>(simd, &self.fractions, &self.between, out),
-            4 => stretch::<4>(simd, &self.fractions, &self.between, out),
-            _ => stretch::<8>(simd, &self.fractions, &self.between, out),
+            1 => simd.run(
+                #[inline(always)]
+                || stretch::<1>(&self.fractions, &self.between, out),
+            ),
+            2 => simd.run(
+                #[inline(always)]
+                || stretch::<2>(&self.fractions, &self.between, out),
+            ),
+            4 => simd.run(
+                #[inline(always)]
+                || stretch::<4>(&self.fractions, &self.between, out),
+            ),
+            _ => simd.run(
+                #[inline(always)]
+                || stretch::<8>(&self.fractions, &self.between, out),
+            ),
         }
     }
 }
 
-multiversion! {
-    /// A row between two, and what lies beyond its ends: its mirror image.
-    fn between(fraction: f32, rows: [&[f32]; 2], out: &mut [f32]) {
-        let last = rows[0].len();
-        for ((out, a), b) in out[1..=last].iter_mut().zip(rows[0]).zip(rows[1]) {
-            *out = a + fraction * (b - a);
-        }
-        (out[0], out[last + 1]) = (out[1], out[last]);
+/// A row between two, and what lies beyond its ends: its mirror image.
+#[inline(always)]
+fn between(fraction: f32, rows: [&[f32]; 2], out: &mut [f32]) {
+    let last = rows[0].len();
+    for ((out, a), b) in out[1..=last].iter_mut().zip(rows[0]).zip(rows[1]) {
+        *out = a + fraction * (b - a);
     }
+    (out[0], out[last + 1]) = (out[1], out[last]);
 }
 
-multiversion! {
-    /// Interpolates between every two neighbours of a row at all `fractions`, a multiple of `N` of them.
-    fn stretch<const N: usize>(fractions: &[f32], row: &[f32], out: &mut [f32]) {
-        let (fractions, out) = (fractions.as_chunks::<N>().0, out.as_chunks_mut::<N>().0);
-        for (out, v) in out.chunks_exact_mut(fractions.len()).zip(row.windows(2)) {
-            for (out, fractions) in out.iter_mut().zip(fractions) {
-                for i in 0..N {
-                    out[i] = v[0] + fractions[i] * (v[1] - v[0]);
-                }
+/// Interpolates between every two neighbours of a row at all `fractions`, a multiple of `N` of them.
+#[inline(always)]
+fn stretch<const N: usize>(fractions: &[f32], row: &[f32], out: &mut [f32]) {
+    let (fractions, out) = (fractions.as_chunks::<N>().0, out.as_chunks_mut::<N>().0);
+    for (out, v) in out.chunks_exact_mut(fractions.len()).zip(row.windows(2)) {
+        for (out, fractions) in out.iter_mut().zip(fractions) {
+            for i in 0..N {
+                out[i] = v[0] + fractions[i] * (v[1] - v[0]);
             }
         }
     }

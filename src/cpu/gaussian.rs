@@ -2,7 +2,7 @@
 
 use super::border::{BLOCK, block, mirrored};
 use super::rows::{interleave, mix, render_bands, with_channels};
-use super::simd::{Simd, multiversion};
+use super::simd::Simd;
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::memory;
@@ -38,7 +38,7 @@ pub fn render(
             cancel.check()?;
             for (i, out) in out.chunks_mut(length).enumerate() {
                 halved.read(simd, &plan, &input, band * BAND + i);
-                with_channels!(size.channels, C => blur_x::<C>(simd, &plan, halved, out));
+                with_channels!(size.channels, C => simd.run(#[inline(always)] || blur_x::<C>(&plan, halved, out)));
             }
             Ok(())
         },
@@ -52,8 +52,11 @@ pub fn render(
         |blurred, first, out| {
             for (i, out) in out.chunks_mut(size.width * size.channels).enumerate() {
                 blurred.interpolate(simd, &plan, &across, first + i);
-                blurriness_row(simd, &plan, input.disparity(first + i), &mut blurred.blurriness);
-                with_channels!(size.channels, C => composite::<C>(simd, &input, blurred, first + i, out));
+                simd.run(
+                    #[inline(always)]
+                    || blurriness_row(&plan, input.disparity(first + i), &mut blurred.blurriness),
+                );
+                with_channels!(size.channels, C => simd.run(#[inline(always)] || composite::<C>(&input, blurred, first + i, out)));
             }
         },
     )
@@ -78,12 +81,11 @@ impl Input<'_> {
     }
 }
 
-multiversion! {
-    /// The blurriness of a row.
-    fn blurriness_row(plan: &Plan, disparity: &[f32], out: &mut [f32]) {
-        for (blurriness, d) in out.iter_mut().zip(disparity) {
-            *blurriness = plan.blurriness(*d);
-        }
+/// The blurriness of a row.
+#[inline(always)]
+fn blurriness_row(plan: &Plan, disparity: &[f32], out: &mut [f32]) {
+    for (blurriness, d) in out.iter_mut().zip(disparity) {
+        *blurriness = plan.blurriness(*d);
     }
 }
 
@@ -107,7 +109,10 @@ impl Halved {
     fn read(&mut self, simd: Simd, plan: &Plan, input: &Input, y: usize) {
         let rows = [2 * y, mirrored(2 * y as i64 + 1, input.size.height).0];
         for (row, out) in rows.into_iter().zip(&mut self.blurriness) {
-            blurriness_row(simd, plan, input.disparity(row), out);
+            simd.run(
+                #[inline(always)]
+                || blurriness_row(plan, input.disparity(row), out),
+            );
         }
         let width = input.half.0;
         for (plane, line) in self.lines.iter_mut().enumerate() {
@@ -116,7 +121,10 @@ impl Halved {
             } else {
                 self.blurriness.each_ref().map(Vec::as_slice)
             };
-            halve(simd, top, bottom, &mut line[MARGIN..][..width]);
+            simd.run(
+                #[inline(always)]
+                || halve(top, bottom, &mut line[MARGIN..][..width]),
+            );
             for at in (0..MARGIN).chain(MARGIN + width..line.len()) {
                 line[at] = line[MARGIN + mirrored(at as i64 - MARGIN as i64, width).0];
             }
@@ -124,18 +132,17 @@ impl Halved {
     }
 }
 
-multiversion! {
-    /// The means of two by two pixels of two rows.
-    fn halve(top: &[f32], bottom: &[f32], out: &mut [f32]) {
-        for ((out, top), bottom) in out.iter_mut().zip(top.chunks_exact(2)).zip(bottom.chunks_exact(2)) {
-            *out = 0.25 * ((top[0] + top[1]) + (bottom[0] + bottom[1]));
-        }
-        if let ([top], [bottom], Some(out)) =
-            (top.chunks_exact(2).remainder(), bottom.chunks_exact(2).remainder(), out.last_mut())
-        {
-            // The mirror image of the last column is that column.
-            *out = 0.5 * (top + bottom);
-        }
+/// The means of two by two pixels of two rows.
+#[inline(always)]
+fn halve(top: &[f32], bottom: &[f32], out: &mut [f32]) {
+    for ((out, top), bottom) in out.iter_mut().zip(top.chunks_exact(2)).zip(bottom.chunks_exact(2)) {
+        *out = 0.25 * ((top[0] + top[1]) + (bottom[0] + bottom[1]));
+    }
+    if let ([top], [bottom], Some(out)) =
+        (top.chunks_exact(2).remainder(), bottom.chunks_exact(2).remainder(), out.last_mut())
+    {
+        // The mirror image of the last column is that column.
+        *out = 0.5 * (top + bottom);
     }
 }
 
@@ -181,22 +188,21 @@ impl<const C: usize> Weighted<C> {
     }
 }
 
-multiversion! {
-    /// Blurs a row of the half-size copy along x: weighted sums, not yet divided by the weights.
-    fn blur_x<const C: usize>(plan: &Plan, halved: &Halved, out: &mut [f32]) {
-        let width = out.len() / (C + 1);
-        for x in (0..width).step_by(BLOCK) {
-            let centre = MARGIN + x;
-            let mut sums = Weighted { colors: [[0.0; BLOCK]; C], total: [0.0; BLOCK] };
-            sums.add(halved, centre, centre, 0.0, plan.centre_threshold);
-            for tap in &plan.taps {
-                sums.add(halved, centre + tap.whole, centre + tap.whole + 1, tap.fraction, tap.threshold);
-                sums.add(halved, centre - tap.whole, centre - tap.whole - 1, tap.fraction, tap.threshold);
-            }
-            let n = BLOCK.min(width - x);
-            for (line, values) in sums.colors.iter().chain([&sums.total]).enumerate() {
-                out[line * width + x..][..n].copy_from_slice(&values[..n]);
-            }
+/// Blurs a row of the half-size copy along x: weighted sums, not yet divided by the weights.
+#[inline(always)]
+fn blur_x<const C: usize>(plan: &Plan, halved: &Halved, out: &mut [f32]) {
+    let width = out.len() / (C + 1);
+    for x in (0..width).step_by(BLOCK) {
+        let centre = MARGIN + x;
+        let mut sums = Weighted { colors: [[0.0; BLOCK]; C], total: [0.0; BLOCK] };
+        sums.add(halved, centre, centre, 0.0, plan.centre_threshold);
+        for tap in &plan.taps {
+            sums.add(halved, centre + tap.whole, centre + tap.whole + 1, tap.fraction, tap.threshold);
+            sums.add(halved, centre - tap.whole, centre - tap.whole - 1, tap.fraction, tap.threshold);
+        }
+        let n = BLOCK.min(width - x);
+        for (line, values) in sums.colors.iter().chain([&sums.total]).enumerate() {
+            out[line * width + x..][..n].copy_from_slice(&values[..n]);
         }
     }
 }
@@ -253,81 +259,86 @@ impl Blurred {
                 *held = Some(row);
                 let around: [&[f32]; 2 * REACH + 1] =
                     std::array::from_fn(|i| across.row(row + i as i64 - REACH as i64));
-                blur_y(simd, plan, &around, &mut self.sums);
-                divide(simd, &self.sums, self.stride, lines);
+                simd.run(
+                    #[inline(always)]
+                    || blur_y(plan, &around, &mut self.sums),
+                );
+                simd.run(
+                    #[inline(always)]
+                    || divide(&self.sums, self.stride, lines),
+                );
             }
         }
         let [above, below] = [above, above + 1].map(|row| &self.rows[row.rem_euclid(2) as usize].1);
-        mix_lines(simd, above, below, fraction, &mut self.line);
+        simd.run(
+            #[inline(always)]
+            || mix_lines(above, below, fraction, &mut self.line),
+        );
     }
 }
 
-multiversion! {
-    /// Blurs rows along y into their middle one.
-    fn blur_y(plan: &Plan, rows: &[&[f32]; 2 * REACH + 1], out: &mut [f32]) {
-        for (i, out) in out.chunks_mut(ROW_BLOCK).enumerate() {
-            let part = |row: usize| &rows[row][ROW_BLOCK * i..][..out.len()];
-            let centre = part(REACH);
-            let mut sums = [0.0f32; ROW_BLOCK];
-            for (sum, v) in sums.iter_mut().zip(centre) {
-                *sum = plan.weights[0] * v;
-            }
-            for distance in 1..=REACH {
-                let sides = part(REACH - distance).iter().zip(part(REACH + distance));
-                for (sum, (a, b)) in sums.iter_mut().zip(sides) {
-                    *sum += plan.weights[distance] * (a + b);
-                }
-            }
-            out.copy_from_slice(&sums[..out.len()]);
+/// Blurs rows along y into their middle one.
+#[inline(always)]
+fn blur_y(plan: &Plan, rows: &[&[f32]; 2 * REACH + 1], out: &mut [f32]) {
+    for (i, out) in out.chunks_mut(ROW_BLOCK).enumerate() {
+        let part = |row: usize| &rows[row][ROW_BLOCK * i..][..out.len()];
+        let centre = part(REACH);
+        let mut sums = [0.0f32; ROW_BLOCK];
+        for (sum, v) in sums.iter_mut().zip(centre) {
+            *sum = plan.weights[0] * v;
         }
+        for distance in 1..=REACH {
+            let sides = part(REACH - distance).iter().zip(part(REACH + distance));
+            for (sum, (a, b)) in sums.iter_mut().zip(sides) {
+                *sum += plan.weights[distance] * (a + b);
+            }
+        }
+        out.copy_from_slice(&sums[..out.len()]);
     }
 }
 
-multiversion! {
-    /// Divides weighted sums by their weights, the last line, into lines with a margin.
-    fn divide(sums: &[f32], stride: usize, lines: &mut [f32]) {
-        let count = lines.len() / stride;
-        let width = sums.len() / (count + 1);
-        let weights = &sums[count * width..];
-        for (sums, line) in sums.chunks_exact(width).zip(lines.chunks_exact_mut(stride)) {
-            for ((out, sum), weight) in line[1..].iter_mut().zip(sums).zip(weights) {
-                *out = sum / weight;
-            }
-            line[0] = line[1];
-            line[width + 1] = line[width];
+/// Divides weighted sums by their weights, the last line, into lines with a margin.
+#[inline(always)]
+fn divide(sums: &[f32], stride: usize, lines: &mut [f32]) {
+    let count = lines.len() / stride;
+    let width = sums.len() / (count + 1);
+    let weights = &sums[count * width..];
+    for (sums, line) in sums.chunks_exact(width).zip(lines.chunks_exact_mut(stride)) {
+        for ((out, sum), weight) in line[1..].iter_mut().zip(sums).zip(weights) {
+            *out = sum / weight;
         }
+        line[0] = line[1];
+        line[width + 1] = line[width];
     }
 }
 
-multiversion! {
-    /// Interpolates between two lines.
-    fn mix_lines(a: &[f32], b: &[f32], fraction: f32, out: &mut [f32]) {
-        for ((out, a), b) in out.iter_mut().zip(a).zip(b) {
-            *out = mix(*a, *b, fraction);
-        }
+/// Interpolates between two lines.
+#[inline(always)]
+fn mix_lines(a: &[f32], b: &[f32], fraction: f32, out: &mut [f32]) {
+    for ((out, a), b) in out.iter_mut().zip(a).zip(b) {
+        *out = mix(*a, *b, fraction);
     }
 }
 
-multiversion! {
-    /// Lays the blurred colours over row `y` of the picture by its blurriness.
-    fn composite<const C: usize>(input: &Input, blurred: &Blurred, y: usize, out: &mut [f32]) {
-        for (i, out) in out.chunks_mut(BLOCK * C).enumerate() {
-            let (x, n) = (i * BLOCK, out.len() / C);
-            let blurriness = &blurred.blurriness[x..][..n];
-            let mut colors = [[0.0f32; BLOCK]; C];
-            for c in 0..C {
-                // Columns lie a quarter of a texel to the left and to the right of texels' centres.
-                let texels = &blurred.line[c * blurred.stride + x / 2..][..BLOCK / 2 + 2];
-                for k in 0..BLOCK / 2 {
-                    colors[c][2 * k] = mix(texels[k + 1], texels[k], 0.25);
-                    colors[c][2 * k + 1] = mix(texels[k + 1], texels[k + 2], 0.25);
-                }
-                let sharp = &input.color(c, y)[x..][..n];
-                for k in 0..n {
-                    colors[c][k] = mix(sharp[k], colors[c][k], blurriness[k]);
-                }
+/// Lays the blurred colours over row `y` of the picture by its blurriness.
+#[inline(always)]
+fn composite<const C: usize>(input: &Input, blurred: &Blurred, y: usize, out: &mut [f32]) {
+    for (i, out) in out.chunks_mut(BLOCK * C).enumerate() {
+        let (x, n) = (i * BLOCK, out.len() / C);
+        let blurriness = &blurred.blurriness[x..][..n];
+        let mut colors = [[0.0f32; BLOCK]; C];
+        for c in 0..C {
+            // Columns lie a quarter of a texel to the left and to the right of texels' centres.
+            let texels = &blurred.line[c * blurred.stride + x / 2..][..BLOCK / 2 + 2];
+            for k in 0..BLOCK / 2 {
+                colors[c][2 * k] = mix(texels[k + 1], texels[k], 0.25);
+                colors[c][2 * k + 1] = mix(texels[k + 1], texels[k + 2], 0.25);
             }
-            interleave(&colors, out);
+            let sharp = &input.color(c, y)[x..][..n];
+            for k in 0..n {
+                colors[c][k] = mix(sharp[k], colors[c][k], blurriness[k]);
+            }
         }
+        interleave(&colors, out);
     }
 }

@@ -1,8 +1,8 @@
 //! Carries out [`plan::hexagonal`](crate::plan::hexagonal), tile by tile.
 
-use super::border::mirrored;
+use super::border::{mirrored, read_mirrored};
 use super::rows::with_channels;
-use super::simd::{Simd, multiversion};
+use super::simd::Simd;
 use super::tiles::{self, Tile};
 use crate::cancel::Cancel;
 use crate::error::Result;
@@ -12,11 +12,11 @@ use crate::plan::hexagonal::{Margin, Plan, Settings, Tap};
 use rayon::prelude::*;
 
 /// Pixels worked on at once.
-const LANES: usize = 8;
+const LANES: usize = 16;
 /// Columns worked down at once.
 const STRIP: usize = 64;
 /// Columns and rows over which it is asked once how far light comes.
-const BLOCK: (usize, usize) = (64, 8);
+const BLOCK: (usize, usize) = (32, 8);
 
 type Lane = [f32; LANES];
 
@@ -29,22 +29,21 @@ pub fn render(
     simd: Simd,
     cancel: &Cancel,
 ) -> Result<Vec<f32>> {
-    let coc =
-        |d: f32| (-optics.shift_px(f64::from(d))).clamp(-settings.max_coc_px, settings.max_coc_px) as f32;
-    let reach_px = layer.disparity.par_iter().map(|&d| coc(d).abs()).reduce(|| 0.0, f32::max);
+    let mut frame = Frame { layer, size, optics, max_coc_px: settings.max_coc_px, tile: (0, 0) };
+    let reach_px = layer.disparity_range().map(|d| frame.coc(d).abs()).into_iter().fold(0.0, f32::max);
+    frame.tile = tile_size(reach_px);
     let plan = Plan::new(settings, f64::from(reach_px));
-    let frame = Frame { layer, size, coc, tile: tile_size(reach_px) };
     let mut out = vec![0.0f32; size.pixels() * size.channels];
     tiles::split(&mut out, size, frame.tile).par_iter_mut().try_for_each_init(
         || Field::new(&plan, &frame),
         |field, tile| {
             cancel.check()?;
-            field.read(&frame, tile.origin);
+            field.read(simd, &frame, tile.origin);
             with_channels!(size.channels, C => {
                 if field.reach.is_none() {
                     copy_tile::<C>(layer, size, tile);
                 } else {
-                    shade_tile::<C>(simd.narrow(), &plan, field, tile);
+                    simd.run(#[inline(always)] || shade_tile::<C>(&plan, field, tile));
                 }
             });
             Ok(())
@@ -60,24 +59,33 @@ fn tile_size(reach_px: f32) -> (usize, usize) {
 }
 
 /// What is read from.
-struct Frame<'a, F> {
+struct Frame<'a> {
     layer: &'a Layer,
     size: Size,
-    /// Signed radius of the circle of confusion at a disparity.
-    coc: F,
+    optics: &'a Optics,
+    /// Circles of confusion are cut at this radius.
+    max_coc_px: f64,
     /// Columns and rows of a tile.
     tile: (usize, usize),
 }
 
-/// The planes of light in front of the focus: its colour times coverage, and its circles of confusion.
+impl Frame<'_> {
+    /// Signed radius of the circle of confusion at a disparity.
+    #[inline(always)]
+    fn coc(&self, disparity: f32) -> f32 {
+        (-self.optics.shift_px(f64::from(disparity))).max(-self.max_coc_px).min(self.max_coc_px) as f32
+    }
+}
+
+/// The planes of light in front of the focus. Colour and coverage are divided by the radius of the circle of confusion,
+/// so that what a step of a line receives is a multiple of them.
 #[derive(Debug, Clone, Copy)]
 struct Near {
     /// The first colour plane.
     color: usize,
     coverage: usize,
+    /// 0 where there is no such light.
     radius: usize,
-    /// One over the radius; 0 where there is no such light.
-    inverse: usize,
 }
 
 /// The planes of what is not in front: its colour times the part of it that is seen, and that part.
@@ -107,15 +115,17 @@ struct Field {
     /// The planes, as indices of their first values.
     picture: Planes,
     targets: Vec<Planes>,
-    /// Signed circles of confusion of the picture, and one over their sizes.
+    /// Signed circles of confusion of the picture, and one over those behind the focus; 0 for the others.
     coc: usize,
     inverse: usize,
     values: Vec<f32>,
+    /// A row of the picture.
+    row: Vec<f32>,
     reach: Reach,
 }
 
 impl Field {
-    fn new<F>(plan: &Plan, frame: &Frame<F>) -> Field {
+    fn new(plan: &Plan, frame: &Frame) -> Field {
         let (second, both) = plan.margins();
         // Lanes start at multiples of their number, and overhang.
         let before = (both.left.next_multiple_of(LANES) + LANES, both.above);
@@ -128,7 +138,7 @@ impl Field {
             (used - planes) * area
         };
         let mut planes = || Planes {
-            near: Near { color: take(channels), coverage: take(1), radius: take(1), inverse: take(1) },
+            near: Near { color: take(channels), coverage: take(1), radius: take(1) },
             rest: Rest { color: take(channels), seen: take(1) },
         };
         let picture = planes();
@@ -144,6 +154,7 @@ impl Field {
             coc,
             inverse,
             values: vec![0.0; take(0)],
+            row: vec![0.0; stride],
             reach: Reach::default(),
         }
     }
@@ -154,88 +165,193 @@ impl Field {
     }
 
     /// Reads a tile and its surroundings; beyond the border lies the picture's mirror image.
-    fn read<F: Fn(f32) -> f32>(&mut self, frame: &Frame<F>, origin: (usize, usize)) {
-        let (size, area) = (frame.size, self.area);
-        let beyond = |i: usize, start: usize, before: usize, n: usize| {
-            mirrored((start + i) as i64 - before as i64, n).0
-        };
-        let columns: Vec<usize> =
-            (0..self.stride).map(|i| beyond(i, origin.0, self.before.0, size.width)).collect();
-        let Planes { near, rest } = self.picture;
-        for (row, to) in (0..area).step_by(self.stride).enumerate() {
-            let from = beyond(row, origin.1, self.before.1, size.height) * size.width;
-            let disparity = &frame.layer.disparity[from..][..size.width];
-            let coc: Vec<f32> = columns.iter().map(|&x| (frame.coc)(disparity[x])).collect();
-            let values = &mut self.values;
-            let mut fill = |plane: usize, value: &dyn Fn(usize) -> f32| {
-                let row = &mut values[plane + to..][..coc.len()];
-                row.iter_mut().enumerate().for_each(|(i, out)| *out = value(i));
-            };
-            let in_front = |i: usize| if coc[i] < 0.0 { 1.0 } else { 0.0 };
-            let inverse = |i: usize| if coc[i] == 0.0 { 0.0 } else { 1.0 / coc[i].abs() };
-            fill(self.coc, &|i| coc[i]);
-            fill(self.inverse, &inverse);
-            fill(near.coverage, &in_front);
-            fill(near.radius, &|i| if coc[i] < 0.0 { -coc[i] } else { 0.0 });
-            fill(near.inverse, &|i| in_front(i) * inverse(i));
-            fill(rest.seen, &|i| 1.0 - in_front(i));
+    fn read(&mut self, simd: Simd, frame: &Frame, origin: (usize, usize)) {
+        let (size, area, stride) = (frame.size, self.area, self.stride);
+        let left = origin.0 as i64 - self.before.0 as i64;
+        for row in 0..area / stride {
+            let y = origin.1 as i64 + row as i64 - self.before.1 as i64;
+            let from = mirrored(y, size.height).0 * size.width;
+            read_mirrored(&frame.layer.disparity[from..][..size.width], left, &mut self.row);
+            simd.run(
+                #[inline(always)]
+                || circles(frame, &self.row, &mut self.values[self.coc + row * stride..][..stride]),
+            );
+        }
+        self.reach = Reach::new(&self.values[self.coc..][..area], stride);
+        if self.reach.is_none() {
+            return;
+        }
+        for row in 0..area / stride {
+            let y = origin.1 as i64 + row as i64 - self.before.1 as i64;
+            let from = mirrored(y, size.height).0 * size.width;
+            simd.run(
+                #[inline(always)]
+                || measure(self, row * stride),
+            );
             for c in 0..size.channels {
                 let color = &frame.layer.color[c * size.pixels() + from..][..size.width];
-                fill(near.color + c * area, &|i| if coc[i] < 0.0 { color[columns[i]] } else { 0.0 });
-                fill(rest.color + c * area, &|i| if coc[i] < 0.0 { 0.0 } else { color[columns[i]] });
+                read_mirrored(color, left, &mut self.row);
+                simd.run(
+                    #[inline(always)]
+                    || part_layers(self, row * stride, c),
+                );
             }
         }
-        self.reach = Reach::new(&self.values[self.coc..][..area], self.stride);
     }
 }
 
-/// How far light comes, block by block.
+/// Signed circles of confusion of a row.
+#[inline(always)]
+fn circles(frame: &Frame, disparity: &[f32], out: &mut [f32]) {
+    map(disparity, out, |d| frame.coc(d));
+}
+
+/// What follows from the circles of confusion alone, for the row at index `at` of every plane.
+#[inline(always)]
+fn measure(field: &mut Field, at: usize) {
+    let Planes { near, rest } = field.picture;
+    let row = |plane: usize| plane + at..plane + at + field.stride;
+    // The planes of circles of confusion are the last.
+    let (planes, coc) = field.values.split_at_mut(field.coc);
+    let (coc, inverse) = coc.split_at_mut(field.area);
+    let coc = &coc[row(0)];
+    map(coc, &mut inverse[row(0)], |coc| if coc > 0.0 { 1.0 / coc } else { 0.0 });
+    map(coc, &mut planes[row(near.coverage)], |coc| if coc < 0.0 { -1.0 / coc } else { 0.0 });
+    map(coc, &mut planes[row(near.radius)], |coc| if coc < 0.0 { -coc } else { 0.0 });
+    map(coc, &mut planes[row(rest.seen)], |coc| if coc < 0.0 { 0.0 } else { 1.0 });
+}
+
+/// Parts the colours of a row in front from the others.
+#[inline(always)]
+fn part_layers(field: &mut Field, at: usize, c: usize) {
+    let Planes { near, rest } = field.picture;
+    let row = |plane: usize| plane + at..plane + at + field.stride;
+    let (planes, coc) = field.values.split_at_mut(field.coc);
+    let pixels = || field.row.iter().zip(&coc[row(0)]);
+    for (out, (color, coc)) in planes[row(near.color + c * field.area)].iter_mut().zip(pixels()) {
+        *out = if *coc < 0.0 { -color / coc } else { 0.0 };
+    }
+    for (out, (color, coc)) in planes[row(rest.color + c * field.area)].iter_mut().zip(pixels()) {
+        *out = if *coc < 0.0 { 0.0 } else { *color };
+    }
+}
+
+#[inline(always)]
+fn map(values: &[f32], out: &mut [f32], of: impl Fn(f32) -> f32) {
+    for (out, v) in out.iter_mut().zip(values) {
+        *out = of(*v);
+    }
+}
+
+/// The radii of some circles of confusion; of none, the least is the greater.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Span {
+    least: f32,
+    most: f32,
+}
+
+impl Span {
+    const NONE: Span = Span { least: f32::INFINITY, most: 0.0 };
+
+    #[inline(always)]
+    fn with(self, other: Span) -> Span {
+        Span { least: self.least.min(other.least), most: self.most.max(other.most) }
+    }
+
+    /// The steps of a line that all of these get past, and then those that only some of them reach.
+    #[inline(always)]
+    fn split(self, line: &[Tap]) -> (&[Tap], &[Tap]) {
+        let reached = &line[..line.partition_point(|tap| tap.from_px < self.most)];
+        reached.split_at(reached.partition_point(|tap| tap.from_px + tap.step_px <= self.least))
+    }
+}
+
+/// The circles of confusion of a block's pixels, or of all that its look-ups meet.
+#[derive(Debug, Clone, Copy)]
+struct Circles {
+    in_front: Span,
+    behind: Span,
+    /// Whether some are not in front.
+    open: bool,
+}
+
+impl Circles {
+    const NONE: Circles = Circles { in_front: Span::NONE, behind: Span::NONE, open: false };
+
+    fn add(&mut self, coc: f32) {
+        let radius = Span { least: coc.abs(), most: coc.abs() };
+        if coc < 0.0 {
+            self.in_front = self.in_front.with(radius);
+        } else if coc > 0.0 {
+            self.behind = self.behind.with(radius);
+        }
+        self.open |= coc >= 0.0;
+    }
+}
+
+/// What light may come to the pixels of each block, in both passes.
 #[derive(Default)]
 struct Reach {
     across: usize,
-    /// Radius of the largest circle of confusion in front from which light may get into a block in two passes.
-    near: Vec<f32>,
-    /// Distance beyond which no pixel of a block looks for anything else.
-    rest: Vec<f32>,
+    blocks: Vec<Circles>,
 }
 
 impl Reach {
     fn new(coc: &[f32], stride: usize) -> Reach {
         let (across, down) = (stride.div_ceil(BLOCK.0), (coc.len() / stride).div_ceil(BLOCK.1));
-        let (mut in_front, mut rest) = (vec![0.0f32; across * down], vec![0.0f32; across * down]);
-        let mut largest = 0.0f32;
+        let mut own = vec![Circles::NONE; across * down];
         for (y, row) in coc.chunks(stride).enumerate() {
-            for (x, &c) in row.iter().enumerate() {
-                let block = y / BLOCK.1 * across + x / BLOCK.0;
-                in_front[block] = in_front[block].max(-c);
-                // Behind the focus, light comes from circles of confusion of up to twice a pixel's own.
-                rest[block] = rest[block].max(if c > 0.0 { 2.0 * c } else { -c });
-                largest = largest.max(c.abs());
+            for (own, coc) in own[y / BLOCK.1 * across..].iter_mut().zip(row.chunks(BLOCK.0)) {
+                coc.iter().for_each(|c| own.add(*c));
             }
         }
-        rest.iter_mut().for_each(|r| *r = r.min(largest));
-        let mut near = vec![0.0f32; across * down];
-        for (block, &radius) in in_front.iter().enumerate().filter(|(_, radius)| **radius > 0.0) {
-            let blocks = |side: usize| ((2.0 * radius + 1.0) as usize).div_ceil(side);
-            let (x, y, rx, ry) = (block % across, block / across, blocks(BLOCK.0), blocks(BLOCK.1));
-            for row in near.chunks_mut(across).take(y + ry + 1).skip(y.saturating_sub(ry)) {
-                for near in row.iter_mut().take(x + rx + 1).skip(x.saturating_sub(rx)) {
-                    *near = near.max(radius);
-                }
+        let largest = own.iter().fold(Circles::NONE, |all, own| Circles {
+            in_front: all.in_front.with(own.in_front),
+            behind: all.behind.with(own.behind),
+            open: all.open || own.open,
+        });
+        // Blocks that hold anything within some distance of block `i`.
+        let around = |i: usize, px: f32| {
+            let blocks = |side: usize| (px as usize + 1).div_ceil(side);
+            let (x, y, rx, ry) = (i % across, i / across, blocks(BLOCK.0), blocks(BLOCK.1));
+            let (left, right) = (x.saturating_sub(rx), (x + rx + 1).min(across));
+            (y.saturating_sub(ry)..(y + ry + 1).min(down))
+                .flat_map(move |y| y * across + left..y * across + right)
+        };
+        let mut blocks = vec![Circles::NONE; own.len()];
+        for (i, own) in own.iter().enumerate().filter(|(_, own)| own.in_front.most > 0.0) {
+            for near in around(i, 2.0 * own.in_front.most) {
+                blocks[near].in_front.most = blocks[near].in_front.most.max(own.in_front.most);
             }
         }
-        Reach { across, near, rest }
+        for (i, block) in blocks.iter_mut().enumerate() {
+            // Look-ups go as far as the largest gets, and meet smaller ones on the way.
+            if block.in_front.most > 0.0 {
+                let met = around(i, 2.0 * block.in_front.most).map(|j| own[j].in_front.least);
+                block.in_front.least = met.fold(f32::INFINITY, f32::min);
+            }
+            // Behind the focus, light comes from circles of confusion of up to twice a pixel's own.
+            if own[i].behind.most > 0.0 {
+                let px = (2.0 * own[i].behind.most).min(largest.behind.most);
+                block.behind = around(i, px).fold(Span::NONE, |all, j| all.with(own[j].behind));
+            }
+            // A pixel in front looks behind itself, and finds there what others in front have seen behind themselves.
+            if own[i].in_front.most > 0.0 {
+                block.open = around(i, own[i].in_front.most + largest.in_front.most).any(|j| own[j].open);
+            }
+        }
+        Reach { across, blocks }
     }
 
     /// Whether there is nothing but what is in focus.
     fn is_none(&self) -> bool {
-        self.near.iter().chain(&self.rest).all(|reach| *reach == 0.0)
+        self.blocks.iter().all(|block| block.in_front.most == 0.0 && block.behind.most == 0.0)
     }
 
-    /// The reach of light in front and of the rest at index `at` of a plane.
-    fn of(&self, at: usize, stride: usize) -> (f32, f32) {
-        let block = at / stride / BLOCK.1 * self.across + at % stride / BLOCK.0;
-        (self.near[block], self.rest[block])
+    /// What comes to index `at` of a plane.
+    #[inline(always)]
+    fn of(&self, at: usize, stride: usize) -> Circles {
+        self.blocks[at / stride / BLOCK.1 * self.across + at % stride / BLOCK.0]
     }
 }
 
@@ -256,13 +372,73 @@ fn look_up(at: usize, tap: Tap, stride: usize) -> usize {
     at.wrapping_add_signed(tap.dy as isize * stride as isize + tap.dx as isize)
 }
 
-/// The part of the light of a circle of confusion that a step of a line receives.
+/// How much of a step of a line a circle of confusion reaches, times the step's share.
 #[inline(always)]
-fn part(tap: Tap, radius: f32, inverse: f32) -> f32 {
+fn part(tap: Tap, radius: f32) -> f32 {
     let beyond = radius - tap.from_px;
     let reached = if beyond > 0.0 { beyond } else { 0.0 };
-    let reached = if reached < tap.step_px { reached } else { tap.step_px };
-    tap.share * reached * inverse
+    tap.share * if reached < tap.step_px { reached } else { tap.step_px }
+}
+
+/// The same where all of it is reached.
+#[inline(always)]
+fn whole(tap: Tap) -> Lane {
+    [tap.share * tap.step_px; LANES]
+}
+
+// One operation a loop: of loops that do more at once the compiler leaves some lanes out of its vectors.
+#[inline(always)]
+fn product(a: &Lane, b: &Lane) -> Lane {
+    let mut out = [0.0; LANES];
+    for i in 0..LANES {
+        out[i] = a[i] * b[i];
+    }
+    out
+}
+
+#[inline(always)]
+fn add(sum: &mut Lane, v: &Lane) {
+    for i in 0..LANES {
+        sum[i] += v[i];
+    }
+}
+
+/// Adds some of the light of planes to sums.
+#[inline(always)]
+fn add_planes<const C: usize>(
+    sums: &mut [Lane; C],
+    values: &[f32],
+    first: usize,
+    area: usize,
+    weight: &Lane,
+) {
+    for c in 0..C {
+        add(&mut sums[c], &product(weight, lane(values, first + c * area)));
+    }
+}
+
+/// The circles of confusion of the pixels that are shaded.
+#[derive(Clone, Copy)]
+struct Own {
+    coc: Lane,
+    least: f32,
+    most: f32,
+}
+
+impl Own {
+    #[inline(always)]
+    fn new(coc: &Lane) -> Own {
+        let (mut least, mut most) = (*coc, *coc);
+        let mut n = LANES / 2;
+        while n > 0 {
+            for i in 0..n {
+                least[i] = if least[i + n] < least[i] { least[i + n] } else { least[i] };
+                most[i] = if most[i + n] > most[i] { most[i + n] } else { most[i] };
+            }
+            n /= 2;
+        }
+        Own { coc: *coc, least: least[0], most: most[0] }
+    }
 }
 
 /// Light in front that reaches a pixel.
@@ -277,40 +453,53 @@ struct NearSum<const C: usize> {
 impl<const C: usize> NearSum<C> {
     const NONE: Self = NearSum { color: [[0.0; LANES]; C], coverage: [0.0; LANES], radius: [0.0; LANES] };
 
-    /// Adds what comes along a line.
+    /// Adds what comes along a line from circles of confusion of these radii.
     #[inline(always)]
-    fn add(&mut self, field: &Field, near: Near, line: &[Tap], at: usize, reach: f32) {
+    fn add(&mut self, field: &Field, near: Near, line: &[Tap], at: usize, radii: Span) {
         let values = &field.values;
-        for &tap in line.iter().take_while(|tap| tap.from_px < reach) {
+        let (all, some) = radii.split(line);
+        for &tap in all {
             let from = look_up(at, tap, field.stride);
-            let (radius, inverse) = (*lane(values, near.radius + from), *lane(values, near.inverse + from));
-            let coverage = lane(values, near.coverage + from);
-            let mut weight = [0.0; LANES];
+            self.add_step(field, near, from, &whole(tap), lane(values, near.radius + from));
+        }
+        for &tap in some {
+            let from = look_up(at, tap, field.stride);
+            let radius = lane(values, near.radius + from);
+            let (mut weight, mut carried) = ([0.0; LANES], [0.0; LANES]);
             for i in 0..LANES {
-                weight[i] = part(tap, radius[i], inverse[i]);
-                self.coverage[i] += weight[i] * coverage[i];
-                let carried = if weight[i] > 0.0 { radius[i] } else { 0.0 };
-                self.radius[i] = if carried > self.radius[i] { carried } else { self.radius[i] };
+                weight[i] = part(tap, radius[i]);
+                carried[i] = if weight[i] > 0.0 { radius[i] } else { 0.0 };
             }
-            for c in 0..C {
-                let color = lane(values, near.color + c * field.area + from);
-                for i in 0..LANES {
-                    self.color[c][i] += weight[i] * color[i];
-                }
-            }
+            self.add_step(field, near, from, &weight, &carried);
         }
     }
 
     #[inline(always)]
-    fn store(&self, values: &mut [f32], area: usize, near: Near, at: usize) {
-        for c in 0..C {
-            *lane_mut(values, near.color + c * area + at) = self.color[c];
+    fn add_step(&mut self, field: &Field, near: Near, from: usize, weight: &Lane, radius: &Lane) {
+        let coverage = lane(&field.values, near.coverage + from);
+        add(&mut self.coverage, &product(weight, coverage));
+        for i in 0..LANES {
+            self.radius[i] = if radius[i] > self.radius[i] { radius[i] } else { self.radius[i] };
         }
-        *lane_mut(values, near.coverage + at) = self.coverage;
-        *lane_mut(values, near.radius + at) = self.radius;
-        let inverse = lane_mut(values, near.inverse + at);
+        add_planes(&mut self.color, &field.values, near.color + from, field.area, weight);
+    }
+
+    #[inline(always)]
+    fn store(&self, values: &mut [f32], area: usize, near: Near, at: usize) {
+        let mut inverse = [0.0; LANES];
         for i in 0..LANES {
             inverse[i] = if self.radius[i] > 0.0 { 1.0 / self.radius[i] } else { 0.0 };
+        }
+        *lane_mut(values, near.radius + at) = self.radius;
+        let coverage = lane_mut(values, near.coverage + at);
+        for i in 0..LANES {
+            coverage[i] = self.coverage[i] * inverse[i];
+        }
+        for c in 0..C {
+            let color = lane_mut(values, near.color + c * area + at);
+            for i in 0..LANES {
+                color[i] = self.color[c][i] * inverse[i];
+            }
         }
     }
 }
@@ -330,45 +519,71 @@ impl<const C: usize> RestSum<C> {
     /// A pixel behind the focus sees what circles of confusion of less than twice its own bring; one in front looks
     /// behind itself as far as its own reaches; one in focus sees itself.
     #[inline(always)]
-    fn add(&mut self, field: &Field, rest: Rest, line: &[Tap], at: usize, reach: f32) {
+    fn add(&mut self, field: &Field, rest: Rest, line: &[Tap], at: usize, own: &Own, around: Circles) {
         let values = &field.values;
-        let (own_coc, own_inverse) = (*lane(values, field.coc + at), *lane(values, field.inverse + at));
         let mut sum = Self::NONE;
         let mut total = [0.0; LANES];
-        for &tap in line.iter().take_while(|tap| tap.from_px < reach) {
-            let from = look_up(at, tap, field.stride);
-            let (coc, inverse) = (*lane(values, field.coc + from), *lane(values, field.inverse + from));
-            let seen = lane(values, rest.seen + from);
-            let mut weight = [0.0; LANES];
-            for i in 0..LANES {
-                let near_enough = if coc[i] < 2.0 * own_coc[i] { coc[i] } else { 0.0 };
-                // Of the two, only one is not zero: a negative radius has no part.
-                weight[i] = part(tap, near_enough, inverse[i]) + part(tap, -own_coc[i], own_inverse[i]);
-                total[i] += weight[i];
-                sum.seen[i] += weight[i] * seen[i];
+        if own.most > 0.0 {
+            // Where all pixels are behind the focus and no circle is too large for any, none need be asked.
+            let known = if around.behind.most < 2.0 * own.least { around.behind.least } else { 0.0 };
+            let (all, some) = Span { least: known, most: around.behind.most.min(2.0 * own.most) }.split(line);
+            for &tap in all {
+                let from = look_up(at, tap, field.stride);
+                let weight = product(&whole(tap), lane(values, field.inverse + from));
+                add(&mut total, &weight);
+                add_planes(&mut sum.color, values, rest.color + from, field.area, &weight);
             }
-            for c in 0..C {
-                let color = lane(values, rest.color + c * field.area + from);
+            for &tap in some {
+                let from = look_up(at, tap, field.stride);
+                let (coc, inverse) = (lane(values, field.coc + from), lane(values, field.inverse + from));
+                let mut weight = [0.0; LANES];
                 for i in 0..LANES {
-                    sum.color[c][i] += weight[i] * color[i];
+                    let near_enough = if coc[i] < 2.0 * own.coc[i] { coc[i] } else { 0.0 };
+                    weight[i] = part(tap, near_enough);
                 }
+                let weight = product(&weight, inverse);
+                add(&mut total, &weight);
+                add_planes(&mut sum.color, values, rest.color + from, field.area, &weight);
+            }
+        }
+        if own.least < 0.0 && around.open {
+            let (all, some) = Span { least: (-own.most).max(0.0), most: -own.least }.split(line);
+            for &tap in all {
+                sum.look(field, rest, look_up(at, tap, field.stride), &whole(tap), &mut total);
+            }
+            for &tap in some {
+                let mut weight = [0.0; LANES];
+                for i in 0..LANES {
+                    weight[i] = part(tap, -own.coc[i]);
+                }
+                sum.look(field, rest, look_up(at, tap, field.stride), &weight, &mut total);
             }
         }
         // Where nothing reaches a pixel, it sees itself.
-        let (mut scale, mut own) = ([0.0; LANES], [0.0; LANES]);
+        let (mut scale, mut alone) = ([0.0; LANES], [0.0; LANES]);
         for i in 0..LANES {
-            (scale[i], own[i]) = if total[i] > 0.0 { (1.0 / total[i], 0.0) } else { (0.0, 1.0) };
+            (scale[i], alone[i]) = if total[i] > 0.0 { (1.0 / total[i], 0.0) } else { (0.0, 1.0) };
         }
         let seen = lane(values, rest.seen + at);
         for i in 0..LANES {
-            self.seen[i] += sum.seen[i] * scale[i] + own[i] * seen[i];
+            // What is behind the focus sees nothing but that, which is seen as much as itself.
+            self.seen[i] += if own.coc[i] < 0.0 { sum.seen[i] * scale[i] } else { seen[i] };
         }
         for c in 0..C {
             let color = lane(values, rest.color + c * field.area + at);
             for i in 0..LANES {
-                self.color[c][i] += sum.color[c][i] * scale[i] + own[i] * color[i];
+                self.color[c][i] += sum.color[c][i] * scale[i] + alone[i] * color[i];
             }
         }
+    }
+
+    /// Adds what a pixel in front sees behind itself at one place.
+    #[inline(always)]
+    fn look(&mut self, field: &Field, rest: Rest, from: usize, weight: &Lane, total: &mut Lane) {
+        let seen = lane(&field.values, rest.seen + from);
+        add(total, weight);
+        add(&mut self.seen, &product(weight, seen));
+        add_planes(&mut self.color, &field.values, rest.color + from, field.area, weight);
     }
 
     #[inline(always)]
@@ -383,12 +598,13 @@ impl<const C: usize> RestSum<C> {
 /// Fills the targets of the first pass at the lanes from `at` on.
 #[inline(always)]
 fn gather<const C: usize>(plan: &Plan, field: &mut Field, at: usize) {
-    let (near_reach, rest_reach) = field.reach.of(at, field.stride);
+    let around = field.reach.of(at, field.stride);
+    let own = Own::new(lane(&field.values, field.coc + at));
     let (mut near, mut rest) = (NearSum::<C>::NONE, RestSum::<C>::NONE);
     for (i, target) in plan.targets.iter().enumerate() {
         for line in &target.gathered {
-            near.add(field, field.picture.near, line, at, near_reach);
-            rest.add(field, field.picture.rest, line, at, rest_reach);
+            near.add(field, field.picture.near, line, at, around.in_front);
+            rest.add(field, field.picture.rest, line, at, &own, around);
         }
         let planes = field.targets[i];
         near.store(&mut field.values, field.area, planes.near, at);
@@ -399,15 +615,15 @@ fn gather<const C: usize>(plan: &Plan, field: &mut Field, at: usize) {
 /// Blurs and adds the targets, and lays the light in front over the rest.
 #[inline(always)]
 fn shade<const C: usize>(plan: &Plan, field: &Field, at: usize) -> [Lane; C] {
-    let (near_reach, rest_reach) = field.reach.of(at, field.stride);
+    let around = field.reach.of(at, field.stride);
+    let own = Own::new(lane(&field.values, field.coc + at));
     let (mut near, mut rest) = (NearSum::<C>::NONE, RestSum::<C>::NONE);
     for (target, planes) in plan.targets.iter().zip(&field.targets) {
         for line in &target.spread {
-            near.add(field, planes.near, line, at, near_reach);
-            rest.add(field, planes.rest, line, at, rest_reach);
+            near.add(field, planes.near, line, at, around.in_front);
+            rest.add(field, planes.rest, line, at, &own, around);
         }
     }
-    let coc = lane(&field.values, field.coc + at);
     let mut out = [[0.0; LANES]; C];
     for c in 0..C {
         let sharp = lane(&field.values, field.picture.rest.color + c * field.area + at);
@@ -419,7 +635,7 @@ fn shade<const C: usize>(plan: &Plan, field: &Field, at: usize) -> [Lane; C] {
                 seen: rest.seen[i] * plan.scale,
                 sharp: sharp[i],
             };
-            out[c][i] = layers.over(coc[i]);
+            out[c][i] = layers.over(own.coc[i]);
         }
     }
     out
@@ -460,31 +676,30 @@ fn copy_tile<const C: usize>(layer: &Layer, size: Size, tile: &mut Tile) {
     }
 }
 
-multiversion! {
-    /// Both passes over one tile.
-    fn shade_tile<const C: usize>(plan: &Plan, field: &mut Field, tile: &mut Tile) {
-        let (columns, rows) = (tile.rows[0].len() / C, tile.rows.len());
-        let left = field.second.left.next_multiple_of(LANES);
-        // Down narrow strips, whose surroundings stay in the first level of the cache.
-        let end = left + columns + field.second.right;
-        for strip in (0..end).step_by(STRIP) {
-            for y in 0..rows + field.second.above + field.second.below {
-                let first = field.index(-(left as isize), y as isize - field.second.above as isize);
-                for x in (strip..end.min(strip + STRIP)).step_by(LANES) {
-                    gather::<C>(plan, field, first + x);
-                }
+/// Both passes over one tile.
+#[inline(always)]
+fn shade_tile<const C: usize>(plan: &Plan, field: &mut Field, tile: &mut Tile) {
+    let (columns, rows) = (tile.rows[0].len() / C, tile.rows.len());
+    let left = field.second.left.next_multiple_of(LANES);
+    // Down narrow strips, whose surroundings stay in the first level of the cache.
+    let end = left + columns + field.second.right;
+    for strip in (0..end).step_by(STRIP) {
+        for y in 0..rows + field.second.above + field.second.below {
+            let first = field.index(-(left as isize), y as isize - field.second.above as isize);
+            for x in (strip..end.min(strip + STRIP)).step_by(LANES) {
+                gather::<C>(plan, field, first + x);
             }
         }
-        for strip in (0..columns).step_by(STRIP) {
-            for (y, row) in tile.rows.iter_mut().enumerate() {
-                let out = &mut row[strip * C..columns.min(strip + STRIP) * C];
-                for (i, out) in out.chunks_mut(LANES * C).enumerate() {
-                    let at = field.index((strip + i * LANES) as isize, y as isize);
-                    let colors = shade::<C>(plan, field, at);
-                    for (x, pixel) in out.chunks_exact_mut(C).enumerate() {
-                        for c in 0..C {
-                            pixel[c] = colors[c][x];
-                        }
+    }
+    for strip in (0..columns).step_by(STRIP) {
+        for (y, row) in tile.rows.iter_mut().enumerate() {
+            let out = &mut row[strip * C..columns.min(strip + STRIP) * C];
+            for (i, out) in out.chunks_mut(LANES * C).enumerate() {
+                let at = field.index((strip + i * LANES) as isize, y as isize);
+                let colors = shade::<C>(plan, field, at);
+                for (x, pixel) in out.chunks_exact_mut(C).enumerate() {
+                    for c in 0..C {
+                        pixel[c] = colors[c][x];
                     }
                 }
             }

@@ -3,7 +3,7 @@
 use super::border::mirrored;
 use super::enlarge::Enlarge;
 use super::rows::{render_rows, with_channels};
-use super::simd::{Simd, multiversion};
+use super::simd::Simd;
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::optics::Optics;
@@ -20,8 +20,8 @@ pub fn render(
     simd: Simd,
     cancel: &Cancel,
 ) -> Result<Vec<f32>> {
-    let radius = |d: f32| optics.shift_px(f64::from(d)).abs() as f32;
-    let largest = layer.disparity.par_iter().map(|&d| radius(d)).reduce(|| 0.0, f32::max);
+    let radius = |d| radius(optics, d);
+    let largest = layer.disparity_range().map(radius).into_iter().fold(0.0, f32::max);
     let plan = Plan::new(settings, f64::from(largest));
 
     let small =
@@ -39,12 +39,26 @@ pub fn render(
     with_channels!(size.channels, C => {
         render_rows(size, cancel, scratch, |scratch, y, out| {
             let disparity = &layer.disparity[y * size.width..][..size.width];
-            scratch.level.iter_mut().zip(disparity).for_each(|(level, &d)| *level = plan.level(radius(d)));
+            simd.run(#[inline(always)] || levels(&plan, optics, disparity, &mut scratch.level));
             scratch.enlarge(simd, y, small, &half_way, &last);
             let sharp = std::array::from_fn(|c| &layer.color[c * size.pixels() + y * size.width..][..size.width]);
-            interpolate::<C>(simd, &sharp, scratch, out);
+            simd.run(#[inline(always)] || interpolate::<C>(&sharp, scratch, out));
         })
     })
+}
+
+/// Radius of the circle of confusion at a disparity.
+#[inline(always)]
+fn radius(optics: &Optics, d: f32) -> f32 {
+    optics.shift_px(f64::from(d)).abs() as f32
+}
+
+/// Where between the targets the pixels of a row lie.
+#[inline(always)]
+fn levels(plan: &Plan, optics: &Optics, disparity: &[f32], out: &mut [f32]) {
+    for (level, d) in out.iter_mut().zip(disparity) {
+        *level = plan.level(radius(optics, *d));
+    }
 }
 
 /// Planes of the means of blocks; beyond the border lies the picture's mirror image.
@@ -57,7 +71,10 @@ fn reduce(color: &[f32], size: Size, small: Size, scale: usize, simd: Simd) -> V
             sums.fill(0.0);
             for y in y..y + scale {
                 let from = plane * size.pixels() + mirrored(y as i64, size.height).0 * size.width;
-                accumulate(simd, &color[from..][..size.width], sums);
+                simd.run(
+                    #[inline(always)]
+                    || accumulate(&color[from..][..size.width], sums),
+                );
             }
             for x in size.width..sums.len() {
                 sums[x] = sums[mirrored(x as i64, size.width).0];
@@ -71,12 +88,11 @@ fn reduce(color: &[f32], size: Size, small: Size, scale: usize, simd: Simd) -> V
     out
 }
 
-multiversion! {
-    /// Adds a row to a row.
-    fn accumulate(row: &[f32], sums: &mut [f32]) {
-        for (sum, v) in sums.iter_mut().zip(row) {
-            *sum += v;
-        }
+/// Adds a row to a row.
+#[inline(always)]
+fn accumulate(row: &[f32], sums: &mut [f32]) {
+    for (sum, v) in sums.iter_mut().zip(row) {
+        *sum += v;
     }
 }
 
@@ -91,12 +107,18 @@ fn filter(planes: &[f32], size: Size, weights: [f32; 3], simd: Simd) -> Vec<f32>
                 let row = plane * size.height + mirrored(y + dy, size.height).0;
                 &planes[row * size.width..][..size.width]
             };
-            down(simd, weights, [-2, -1, 0, 1, 2].map(row), &mut column[2..]);
+            simd.run(
+                #[inline(always)]
+                || down(weights, [-2, -1, 0, 1, 2].map(row), &mut column[2..]),
+            );
             // Beyond the ends of the row lies its mirror image.
             for i in [0, 1, size.width + 2, size.width + 3] {
                 column[i] = column[2 + mirrored(i as i64 - 2, size.width).0];
             }
-            across(simd, weights, column, out);
+            simd.run(
+                #[inline(always)]
+                || across(weights, column, out),
+            );
         },
     );
     out
@@ -108,22 +130,20 @@ fn step([middle, beside, beyond]: [f32; 3], v: [f32; 5]) -> f32 {
     middle * v[2] + beside * (v[1] + v[3]) + beyond * (v[0] + v[4])
 }
 
-multiversion! {
-    /// The middle one of five rows, filtered down the columns.
-    fn down(weights: [f32; 3], rows: [&[f32]; 5], out: &mut [f32]) {
-        let rows = rows.map(|row| &row[..rows[0].len()]);
-        for (x, out) in out[..rows[0].len()].iter_mut().enumerate() {
-            *out = step(weights, [rows[0][x], rows[1][x], rows[2][x], rows[3][x], rows[4][x]]);
-        }
+/// The middle one of five rows, filtered down the columns.
+#[inline(always)]
+fn down(weights: [f32; 3], rows: [&[f32]; 5], out: &mut [f32]) {
+    let rows = rows.map(|row| &row[..rows[0].len()]);
+    for (x, out) in out[..rows[0].len()].iter_mut().enumerate() {
+        *out = step(weights, [rows[0][x], rows[1][x], rows[2][x], rows[3][x], rows[4][x]]);
     }
 }
 
-multiversion! {
-    /// A row with two pixels more at either end, filtered along itself.
-    fn across(weights: [f32; 3], row: &[f32], out: &mut [f32]) {
-        for (out, v) in out.iter_mut().zip(row.windows(5)) {
-            *out = step(weights, [v[0], v[1], v[2], v[3], v[4]]);
-        }
+/// A row with two pixels more at either end, filtered along itself.
+#[inline(always)]
+fn across(weights: [f32; 3], row: &[f32], out: &mut [f32]) {
+    for (out, v) in out.iter_mut().zip(row.windows(5)) {
+        *out = step(weights, [v[0], v[1], v[2], v[3], v[4]]);
     }
 }
 
@@ -156,18 +176,17 @@ impl Scratch {
     }
 }
 
-multiversion! {
-    /// One row of the picture between its targets.
-    fn interpolate<const C: usize>(sharp: &[&[f32]; C], scratch: &Scratch, out: &mut [f32]) {
-        for c in 0..C {
-            let first = scratch.enlarge.first();
-            let (half_way, last) = (&scratch.half_way[c][first..], &scratch.last[c][first..]);
-            let blurred = half_way.iter().zip(last);
-            for (((pixel, level), sharp), (half_way, last)) in
-                out.chunks_exact_mut(C).zip(&scratch.level).zip(sharp[c]).zip(blurred)
-            {
-                pixel[c] = between_levels(*level, *sharp, *half_way, *last);
-            }
+/// One row of the picture between its targets.
+#[inline(always)]
+fn interpolate<const C: usize>(sharp: &[&[f32]; C], scratch: &Scratch, out: &mut [f32]) {
+    for c in 0..C {
+        let first = scratch.enlarge.first();
+        let (half_way, last) = (&scratch.half_way[c][first..], &scratch.last[c][first..]);
+        let blurred = half_way.iter().zip(last);
+        for (((pixel, level), sharp), (half_way, last)) in
+            out.chunks_exact_mut(C).zip(&scratch.level).zip(sharp[c]).zip(blurred)
+        {
+            pixel[c] = between_levels(*level, *sharp, *half_way, *last);
         }
     }
 }

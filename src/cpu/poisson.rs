@@ -2,7 +2,7 @@
 
 use super::border::{BLOCK, Window, block};
 use super::rows::{interleave, mix, render_bands, with_channels};
-use super::simd::{Simd, multiversion};
+use super::simd::Simd;
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::optics::Optics;
@@ -31,7 +31,10 @@ pub fn render(
         } else if plane == size.channels {
             out.copy_from_slice(disparity);
         } else {
-            blurriness_row(simd, &plan, disparity, out);
+            simd.run(
+                #[inline(always)]
+                || blurriness_row(&plan, disparity, out),
+            );
         }
     };
     let band = BAND.max(plan.margin);
@@ -39,23 +42,27 @@ pub fn render(
         size,
         band,
         cancel,
-        || Window::new(planes, band, plan.margin),
-        |window, first, out| {
+        || (Window::new(planes, band, plan.margin), Extremes::default()),
+        |(window, extremes), first, out| {
             let length = size.width * size.channels;
             window.fill(first, out.len() / length, read);
+            let (disparity, blurriness) = (window.plane(size.channels), window.plane(size.channels + 1));
+            simd.run(
+                #[inline(always)]
+                || find_extremes(disparity, blurriness, window.stride, extremes),
+            );
             for (i, out) in out.chunks_mut(length).enumerate() {
-                with_channels!(size.channels, C => row::<C>(simd, &plan, window, first + i, out));
+                with_channels!(size.channels, C => simd.run(#[inline(always)] || row::<C>(&plan, window, extremes, first + i, out)));
             }
         },
     )
 }
 
-multiversion! {
-    /// The blurriness of a row.
-    fn blurriness_row(plan: &Plan, disparity: &[f32], out: &mut [f32]) {
-        for (blurriness, d) in out.iter_mut().zip(disparity) {
-            *blurriness = plan.blurriness(*d);
-        }
+/// The blurriness of a row.
+#[inline(always)]
+fn blurriness_row(plan: &Plan, disparity: &[f32], out: &mut [f32]) {
+    for (blurriness, d) in out.iter_mut().zip(disparity) {
+        *blurriness = plan.blurriness(*d);
     }
 }
 
@@ -84,40 +91,78 @@ fn split(x: f32) -> (i32, f32) {
 }
 
 /// Where one tap reads for each pixel of a block.
-struct Places {
+enum Places {
+    /// As far from each pixel: all have the same circle of confusion.
+    Same {
+        offset: i32,
+        right: f32,
+        down: f32,
+    },
+    Each(EachPlace),
+}
+
+/// A place for each pixel of a block.
+struct EachPlace {
     /// The upper left of the four neighbours of each place, relative to the pixel.
     offset: [i32; BLOCK],
     /// How far each place lies beyond it.
     right: [f32; BLOCK],
     down: [f32; BLOCK],
-    /// The offsets that occur, if they are few: most blocks are so smooth that a tap has the same neighbours all along.
+    /// The offsets that occur, if they are few: many blocks are so smooth that a tap has the same neighbours all along.
     few: Option<Few>,
 }
 
 impl Places {
     /// The places of a tap where the pattern is scaled by `scale_px`.
     #[inline(always)]
-    fn new(tap: &Tap, scale_px: &[f32; BLOCK], stride: usize) -> Places {
+    fn new(tap: &Tap, scale_px: &Scales, stride: usize) -> Places {
+        let place = |scale_px: f32| {
+            let ((column, right), (row, down)) = (split(tap.x * scale_px), split(tap.y * scale_px));
+            (row * stride as i32 + column, right, down)
+        };
+        if scale_px.all_alike {
+            let (offset, right, down) = place(scale_px.each[0]);
+            return Places::Same { offset, right, down };
+        }
         let (mut offset, mut right, mut down) = ([0; BLOCK], [0.0; BLOCK], [0.0; BLOCK]);
         for i in 0..BLOCK {
-            let (column, row);
-            (column, right[i]) = split(tap.x * scale_px[i]);
-            (row, down[i]) = split(tap.y * scale_px[i]);
-            offset[i] = row * stride as i32 + column;
+            (offset[i], right[i], down[i]) = place(scale_px.each[i]);
         }
-        Places { few: Few::of(&offset), offset, right, down }
+        Places::Each(EachPlace { few: Few::of(&offset), offset, right, down })
     }
 
     /// Bilinear look-ups of a block from index `at` on.
+    #[inline(always)]
+    fn read(&self, plane: &[f32], at: usize, stride: usize) -> [f32; BLOCK] {
+        match self {
+            Places::Same { offset, right, down } => {
+                let [a, b, c, d] = neighbours(plane, at, *offset, stride);
+                let mut out = [0.0; BLOCK];
+                for i in 0..BLOCK {
+                    out[i] = bilinear(a[i], b[i], c[i], d[i], *right, *down);
+                }
+                out
+            }
+            Places::Each(places) => places.read(plane, at, stride),
+        }
+    }
+}
+
+/// The blocks of the four neighbours of places, of which the upper left one has this offset from index `at`.
+#[inline(always)]
+fn neighbours(plane: &[f32], at: usize, offset: i32, stride: usize) -> [&[f32; BLOCK]; 4] {
+    let first = at.wrapping_add_signed(offset as isize);
+    [first, first + 1, first + stride, first + stride + 1].map(|at| block(plane, at))
+}
+
+impl EachPlace {
     #[inline(always)]
     fn read(&self, plane: &[f32], at: usize, stride: usize) -> [f32; BLOCK] {
         let mut out = [0.0; BLOCK];
         match &self.few {
             Some(few) => {
                 for &offset in &few.found[..few.count] {
-                    let first = at.wrapping_add_signed(offset as isize);
-                    let (a, b) = (block(plane, first), block(plane, first + 1));
-                    let (c, d) = (block(plane, first + stride), block(plane, first + stride + 1));
+                    let [a, b, c, d] = neighbours(plane, at, offset, stride);
                     for i in 0..BLOCK {
                         let v = bilinear(a[i], b[i], c[i], d[i], self.right[i], self.down[i]);
                         out[i] = if self.offset[i] == offset { v } else { out[i] };
@@ -175,7 +220,8 @@ fn average<const C: usize>(
     plan: &Plan,
     window: &Window,
     at: usize,
-    scale_px: &[f32; BLOCK],
+    scale_px: &Scales,
+    leak_test: LeakTest,
 ) -> [[f32; BLOCK]; C] {
     let disparity = block(window.plane(C), at);
     let mut total = [plan.centre; BLOCK];
@@ -184,7 +230,7 @@ fn average<const C: usize>(
     for tap in &plan.taps {
         let places = Places::new(tap, scale_px, window.stride);
         let mut counts = [tap.weight; BLOCK];
-        if plan.leak_test == LeakTest::On {
+        if leak_test == LeakTest::On {
             let tap_disparity = places.read(window.plane(C), at, window.stride);
             let tap_blurriness = places.read(window.plane(C + 1), at, window.stride);
             for i in 0..BLOCK {
@@ -211,28 +257,108 @@ fn average<const C: usize>(
 }
 
 /// By what the pattern is scaled around each pixel of a block.
-#[inline(always)]
-fn scales_px(plan: &Plan, disparity: &[f32; BLOCK]) -> [f32; BLOCK] {
-    let mut out = [0.0; BLOCK];
-    for i in 0..BLOCK {
-        out[i] = plan.scale_px(disparity[i]);
-    }
-    out
+struct Scales {
+    each: [f32; BLOCK],
+    all_alike: bool,
 }
 
-multiversion! {
-    /// One row of the picture.
-    fn row<const C: usize>(plan: &Plan, window: &Window, y: usize, out: &mut [f32]) {
-        for (i, out) in out.chunks_mut(BLOCK * C).enumerate() {
-            let at = window.index(i * BLOCK, y);
-            let scale_px = scales_px(plan, block(window.plane(C), at));
-            let blurred = if scale_px == [0.0; BLOCK] {
-                window.blocks::<C>(at)
-            } else {
-                average::<C>(plan, window, at, &scale_px)
-            };
-            interleave(&blurred, out);
+impl Scales {
+    #[inline(always)]
+    fn new(plan: &Plan, disparity: &[f32; BLOCK]) -> Scales {
+        let (mut each, mut all_alike) = ([0.0; BLOCK], true);
+        for i in 0..BLOCK {
+            each[i] = plan.scale_px(disparity[i]);
         }
+        for i in 0..BLOCK {
+            all_alike &= each[i] == each[0];
+        }
+        Scales { each, all_alike }
+    }
+}
+
+/// What bounds the leak test: the extremes over every few columns of a window.
+#[derive(Default)]
+struct Extremes {
+    /// Of each column.
+    columns: Vec<f32>,
+    nearest: Vec<f32>,
+    least_blurred: Vec<f32>,
+}
+
+impl Extremes {
+    /// Columns that share their extremes.
+    const CELL: usize = 16;
+
+    /// What the leak test needs to ask for from column `x` on.
+    #[inline(always)]
+    fn leak_test(&self, plan: &Plan, x: usize, disparity: &[f32; BLOCK]) -> LeakTest {
+        let cells = x / Self::CELL..(x + BLOCK + 2 * plan.margin).div_ceil(Self::CELL);
+        let nearest = self.nearest[cells.clone()].iter().fold(f32::NEG_INFINITY, |a, b| greater(a, *b));
+        let least_blurred = self.least_blurred[cells].iter().fold(f32::INFINITY, |a, b| lesser(a, *b));
+        let (first, others) = disparity.split_at(Self::CELL);
+        let mut farthest: [f32; Self::CELL] = std::array::from_fn(|i| first[i]);
+        for part in others.as_chunks::<{ Self::CELL }>().0 {
+            for i in 0..Self::CELL {
+                farthest[i] = lesser(farthest[i], part[i]);
+            }
+        }
+        let farthest = farthest.into_iter().fold(f32::INFINITY, lesser);
+        // Nothing is in front of any pixel, or all that is counts as much as the rest.
+        if nearest <= farthest || least_blurred >= 1.0 { LeakTest::Off } else { plan.leak_test }
+    }
+}
+
+#[inline(always)]
+fn greater(a: f32, b: f32) -> f32 {
+    if b > a { b } else { a }
+}
+
+#[inline(always)]
+fn lesser(a: f32, b: f32) -> f32 {
+    if b < a { b } else { a }
+}
+
+/// What `pick` leaves of every few columns of a plane.
+#[inline(always)]
+fn reduce(
+    plane: &[f32],
+    stride: usize,
+    columns: &mut Vec<f32>,
+    cells: &mut Vec<f32>,
+    pick: impl Fn(f32, f32) -> f32,
+) {
+    columns.clear();
+    columns.extend_from_slice(&plane[..stride]);
+    for row in plane.chunks_exact(stride).skip(1) {
+        for (column, v) in columns.iter_mut().zip(row) {
+            *column = pick(*column, *v);
+        }
+    }
+    cells.clear();
+    cells.extend(columns.chunks(Extremes::CELL).map(|cell| cell.iter().fold(cell[0], |a, b| pick(a, *b))));
+}
+
+/// Finds the extremes of planes of disparity and blurriness.
+#[inline(always)]
+fn find_extremes(disparity: &[f32], blurriness: &[f32], stride: usize, extremes: &mut Extremes) {
+    let Extremes { columns, nearest, least_blurred } = extremes;
+    reduce(disparity, stride, columns, nearest, greater);
+    reduce(blurriness, stride, columns, least_blurred, lesser);
+}
+
+/// One row of the picture.
+#[inline(always)]
+fn row<const C: usize>(plan: &Plan, window: &Window, extremes: &Extremes, y: usize, out: &mut [f32]) {
+    for (i, out) in out.chunks_mut(BLOCK * C).enumerate() {
+        let at = window.index(i * BLOCK, y);
+        let disparity = block(window.plane(C), at);
+        let scale_px = Scales::new(plan, disparity);
+        let blurred = if scale_px.all_alike && scale_px.each[0] == 0.0 {
+            window.blocks::<C>(at)
+        } else {
+            average::<C>(plan, window, at, &scale_px, extremes.leak_test(plan, i * BLOCK, disparity))
+        };
+        interleave(&blurred, out);
     }
 }
 

@@ -34,16 +34,10 @@ impl Simd {
         all
     }
 
-    /// The same with vectors of at most 256 bits: for loops whose sums fill the registers, which wider ones make slower.
-    pub fn narrow(self) -> Simd {
-        match self {
-            #[cfg(target_arch = "x86_64")]
-            Simd::Avx512 => Simd::Avx2,
-            other => other,
-        }
-    }
-
-    /// Does `work`, compiled for this instruction set: a loop without calls that are not inlined.
+    /// Does `work`, compiled for this instruction set.
+    ///
+    /// Only what is inlined is: a closure that does more than a little must be passed as `#[inline(always)] || ..`, and
+    /// all that it calls be marked likewise. One that the compiler leaves by itself is compiled once, for the least.
     #[inline(always)]
     pub fn run<T>(self, work: impl FnOnce() -> T) -> T {
         match self {
@@ -69,43 +63,3 @@ unsafe fn avx2<T>(work: impl FnOnce() -> T) -> T {
 unsafe fn avx512<T>(work: impl FnOnce() -> T) -> T {
     work()
 }
-
-/// Compiles a function of plain code once for each instruction set; the first argument of what comes out picks one.
-///
-/// Rust never contracts a product and a sum into one rounding, so that all of them give the same bits.
-macro_rules! multiversion {
-    ($(#[$meta:meta])* $visible:vis fn $name:ident $(<const $n:ident: usize>)? ($($arg:ident: $type:ty),* $(,)?)
-        $body:block) => {
-        $(#[$meta])*
-        #[allow(clippy::too_many_arguments, reason = "the instruction set is one more than the function has")]
-        $visible fn $name $(<const $n: usize>)? (simd: $crate::cpu::simd::Simd, $($arg: $type),*) {
-            use $crate::cpu::simd::Simd;
-
-            #[inline(always)]
-            fn portable $(<const $n: usize>)? ($($arg: $type),*) $body
-
-            #[cfg(target_arch = "x86_64")]
-            #[target_feature(enable = "avx2")]
-            fn avx2 $(<const $n: usize>)? ($($arg: $type),*) {
-                portable $(::<$n>)? ($($arg),*)
-            }
-
-            #[cfg(target_arch = "x86_64")]
-            #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
-            fn avx512 $(<const $n: usize>)? ($($arg: $type),*) {
-                portable $(::<$n>)? ($($arg),*)
-            }
-
-            match simd {
-                Simd::Portable => portable $(::<$n>)? ($($arg),*),
-                #[cfg(target_arch = "x86_64")]
-                // SAFETY: values of `Simd` come from `Simd::available`, which detects the instructions.
-                Simd::Avx2 => unsafe { avx2 $(::<$n>)? ($($arg),*) },
-                #[cfg(target_arch = "x86_64")]
-                // SAFETY: as above.
-                Simd::Avx512 => unsafe { avx512 $(::<$n>)? ($($arg),*) },
-            }
-        }
-    };
-}
-pub(crate) use multiversion;

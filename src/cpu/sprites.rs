@@ -3,7 +3,7 @@
 use super::border::mirrored;
 use super::enlarge::Enlarge;
 use super::rows::{render_rows, with_channels};
-use super::simd::{Simd, multiversion};
+use super::simd::Simd;
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::optics::Optics;
@@ -228,7 +228,10 @@ fn accumulate<const C: usize>(
                     let images =
                         (-periods..=periods).flat_map(|k| [column, -1 - column].map(|x| x + k * period));
                     for x in images.filter(|x| (-reach..size.width as i64 + reach).contains(x)) {
-                        draw(simd, band, depth, list.sprite(point, (x, y)), (x >> 1, y >> 1), &light);
+                        simd.run(
+                            #[inline(always)]
+                            || draw(band, depth, list.sprite(point, (x, y)), (x >> 1, y >> 1), &light),
+                        );
                     }
                 }
             }
@@ -273,24 +276,23 @@ impl Band {
     }
 }
 
-multiversion! {
-    /// Adds a sprite at pixel `(x, y)` of the targets.
-    fn draw<const C: usize>(band: &mut Band, depth: Depth, sprite: &Sprite, at: (i64, i64), light: &Light<C>) {
-        let top = at.1 + i64::from(sprite.top) - band.first as i64;
-        let left = (at.0 + i64::from(sprite.left) + band.margin as i64) as usize;
-        let first = (-top).max(0);
-        for row in first..(sprite.down() as i64).min(band.rows as i64 - top) {
-            let weights = &sprite.weights[row as usize * sprite.across..][..sprite.across];
-            let to = (top + row) as usize * band.stride + left;
-            let planes = &mut band.planes[depth as usize * (C + 1)..];
-            for c in 0..=C {
-                let value = if c < C { light.color[c] } else { light.coverage };
-                let sums = &mut planes[c][to..][..sprite.across];
-                let (sums, weights) = (sums.as_chunks_mut::<LANES>().0, weights.as_chunks::<LANES>().0);
-                for (sums, weights) in sums.iter_mut().zip(weights) {
-                    for i in 0..LANES {
-                        sums[i] += value * weights[i];
-                    }
+/// Adds a sprite at pixel `(x, y)` of the targets.
+#[inline(always)]
+fn draw<const C: usize>(band: &mut Band, depth: Depth, sprite: &Sprite, at: (i64, i64), light: &Light<C>) {
+    let top = at.1 + i64::from(sprite.top) - band.first as i64;
+    let left = (at.0 + i64::from(sprite.left) + band.margin as i64) as usize;
+    let first = (-top).max(0);
+    for row in first..(sprite.down() as i64).min(band.rows as i64 - top) {
+        let weights = &sprite.weights[row as usize * sprite.across..][..sprite.across];
+        let to = (top + row) as usize * band.stride + left;
+        let planes = &mut band.planes[depth as usize * (C + 1)..];
+        for c in 0..=C {
+            let value = if c < C { light.color[c] } else { light.coverage };
+            let sums = &mut planes[c][to..][..sprite.across];
+            let (sums, weights) = (sums.as_chunks_mut::<LANES>().0, weights.as_chunks::<LANES>().0);
+            for (sums, weights) in sums.iter_mut().zip(weights) {
+                for i in 0..LANES {
+                    sums[i] += value * weights[i];
                 }
             }
         }

@@ -2,7 +2,7 @@
 
 use super::border::{BLOCK, Window, block};
 use super::rows::{interleave, render_bands, with_channels};
-use super::simd::{Simd, multiversion};
+use super::simd::Simd;
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::optics::Optics;
@@ -28,7 +28,10 @@ pub fn render(
         if plane < size.channels {
             out.copy_from_slice(&layer.color[plane * size.pixels() + y * size.width..][..size.width]);
         } else {
-            blur_row(simd, &plan, &layer.disparity[y * size.width..][..size.width], out);
+            simd.run(
+                #[inline(always)]
+                || blur_row(&plan, &layer.disparity[y * size.width..][..size.width], out),
+            );
         }
     };
     let scratch = || Window::new(planes, BAND, plan.margin);
@@ -36,17 +39,16 @@ pub fn render(
         let length = size.width * size.channels;
         window.fill(first, out.len() / length, read);
         for (i, out) in out.chunks_mut(length).enumerate() {
-            with_channels!(size.channels, C => row::<C>(simd, &plan, window, first + i, out));
+            with_channels!(size.channels, C => simd.run(#[inline(always)] || row::<C>(&plan, window, first + i, out)));
         }
     })
 }
 
-multiversion! {
-    /// The blur factors of a row.
-    fn blur_row(plan: &Plan, disparity: &[f32], out: &mut [f32]) {
-        for (blur, d) in out.iter_mut().zip(disparity) {
-            *blur = plan.blur(*d);
-        }
+/// The blur factors of a row.
+#[inline(always)]
+fn blur_row(plan: &Plan, disparity: &[f32], out: &mut [f32]) {
+    for (blur, d) in out.iter_mut().zip(disparity) {
+        *blur = plan.blur(*d);
     }
 }
 
@@ -75,34 +77,33 @@ fn look_up(plane: &[f32], stride: usize, at: usize, tap: &Tap) -> [f32; BLOCK] {
     out
 }
 
-multiversion! {
-    /// One row of the picture.
-    fn row<const C: usize>(plan: &Plan, window: &Window, y: usize, out: &mut [f32]) {
-        for (i, out) in out.chunks_mut(BLOCK * C).enumerate() {
-            let at = window.index(i * BLOCK, y);
-            let centre: [[f32; BLOCK]; C] = window.blocks(at);
-            let centre_blur = block(window.plane(C), at);
-            if *centre_blur == [0.0; BLOCK] {
-                interleave(&centre, out);
-                continue;
-            }
-            let mut sum = [[0.0f32; BLOCK]; C];
-            for tap in &plan.taps {
-                let tap_blur = look_up(window.plane(C), window.stride, at, tap);
-                let weights = weights(plan.mix, centre_blur, &tap_blur);
-                for c in 0..C {
-                    let color = look_up(window.plane(c), window.stride, at, tap);
-                    for x in 0..BLOCK {
-                        sum[c][x] += weights[x] * (color[x] - centre[c][x]);
-                    }
-                }
-            }
-            for c in 0..C {
-                for x in 0..BLOCK {
-                    sum[c][x] = centre[c][x] + plan.share * sum[c][x];
-                }
-            }
-            interleave(&sum, out);
+/// One row of the picture.
+#[inline(always)]
+fn row<const C: usize>(plan: &Plan, window: &Window, y: usize, out: &mut [f32]) {
+    for (i, out) in out.chunks_mut(BLOCK * C).enumerate() {
+        let at = window.index(i * BLOCK, y);
+        let centre: [[f32; BLOCK]; C] = window.blocks(at);
+        let centre_blur = block(window.plane(C), at);
+        if *centre_blur == [0.0; BLOCK] {
+            interleave(&centre, out);
+            continue;
         }
+        let mut sum = [[0.0f32; BLOCK]; C];
+        for tap in &plan.taps {
+            let tap_blur = look_up(window.plane(C), window.stride, at, tap);
+            let weights = weights(plan.mix, centre_blur, &tap_blur);
+            for c in 0..C {
+                let color = look_up(window.plane(c), window.stride, at, tap);
+                for x in 0..BLOCK {
+                    sum[c][x] += weights[x] * (color[x] - centre[c][x]);
+                }
+            }
+        }
+        for c in 0..C {
+            for x in 0..BLOCK {
+                sum[c][x] = centre[c][x] + plan.share * sum[c][x];
+            }
+        }
+        interleave(&sum, out);
     }
 }
