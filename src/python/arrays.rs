@@ -201,13 +201,21 @@ fn color_planes<T: Sample>(samples: &[T], size: Size, transfer: Transfer, simd: 
     }
     let samples = samples.par_chunks(size.width * size.channels);
     let finite = rows.par_iter_mut().zip(samples).map(|(rows, samples)| {
-        simd.run(|| with_channels!(size.channels, C => separate::<T, C>(samples, rows)));
+        simd.run(
+            #[inline(always)]
+            || with_channels!(size.channels, C => separate::<T, C>(samples, rows)),
+        );
         for (c, row) in rows.iter_mut().enumerate() {
             if transfer != Transfer::Linear && (c < 3 || size.channels < 4) {
                 row.iter_mut().for_each(|v| *v = transfer.decode(*v));
             }
         }
-        rows.iter().all(|row| simd.run(|| row.iter().fold(true, |all, v| all & v.is_finite())))
+        rows.iter().all(|row| {
+            simd.run(
+                #[inline(always)]
+                || row.iter().fold(true, |all, v| all & v.is_finite()),
+            )
+        })
     });
     // Every row is to be read, whatever the others hold.
     let finite = finite.reduce(|| true, |a, b| a & b);

@@ -77,11 +77,14 @@ impl Blocks {
             let mut steepest = 0;
             for (k, depths) in depths.iter().enumerate() {
                 let mut own = Summary { range: (u16::MAX, 0), steepest: 0, whole: true };
-                simd.run(|| {
-                    for at in rows() {
-                        summarize(&depths.lo[at..at + n], &depths.hi[at..at + n], &mut own);
-                    }
-                });
+                simd.run(
+                    #[inline(always)]
+                    || {
+                        for at in rows() {
+                            summarize(&depths.lo[at..at + n], &depths.hi[at..at + n], &mut own);
+                        }
+                    },
+                );
                 // The first sheet has to be whole for a smooth block, the others empty.
                 smooth &= if k == 0 { own.whole } else { own.range.1 == 0 };
                 if own.range.1 == 0 {

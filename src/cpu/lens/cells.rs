@@ -169,7 +169,12 @@ impl Depths {
         rows.enumerate().for_each(|(y, (lo, hi))| {
             let rows = Rows::new(&sheets[sheet].s, size, y);
             for chunk in chunks(0..size.width) {
-                let Some(plain) = simd.run(|| plain_depths(&rows, &chunk, codes, lo, hi)) else { continue };
+                let Some(plain) = simd.run(
+                    #[inline(always)]
+                    || plain_depths(&rows, &chunk, codes, lo, hi),
+                ) else {
+                    continue;
+                };
                 for x in chunk.clone().filter(|x| !plain[x - chunk.start]) {
                     let cell = Cell { sheet, index: y * size.width + x };
                     (lo[x], hi[x]) = depth_of(sheets, size, cell, codes);

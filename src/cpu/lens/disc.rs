@@ -146,11 +146,14 @@ impl Gather<'_> {
         if (0..extent.1).all(|y| row(y).iter().all(|&s| s == first)) {
             let kernel = self.aperture.kernel(f64::from(first) - self.s_focus);
             around.fill(self.size, self.colors, origin, kernel.reach as usize);
-            self.simd.run(|| {
-                for y in 0..extent.1 {
-                    flat_row(around, &kernel, y, out);
-                }
-            });
+            self.simd.run(
+                #[inline(always)]
+                || {
+                    for y in 0..extent.1 {
+                        flat_row(around, &kernel, y, out);
+                    }
+                },
+            );
             return;
         }
         let reach =
@@ -177,7 +180,10 @@ impl Gather<'_> {
                 .zip(&positions[first..end])
                 .for_each(|(share_of, &p)| *share_of = T::from_f64(share(p)));
             let kernel = self.kernels.get(step * APART);
-            self.simd.run(|| add_shares(around, kernel, first, y, &shares[..end - first], out));
+            self.simd.run(
+                #[inline(always)]
+                || add_shares(around, kernel, first, y, &shares[..end - first], out),
+            );
         }
     }
 }

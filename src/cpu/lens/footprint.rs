@@ -108,7 +108,10 @@ impl Footprint {
             let pass = Pass { s: &sheet.s, wanted: &wanted, done, per_weight, reach, size };
             color.par_chunks_mut(size.width).enumerate().for_each(|(row, out)| {
                 let (c, y) = (row / size.height, row % size.height);
-                simd.run(|| pass.row(&source[c * n..][..n], y, out));
+                simd.run(
+                    #[inline(always)]
+                    || pass.row(&source[c * n..][..n], y, out),
+                );
             });
             done += MAX_WEIGHT * per_weight;
         }

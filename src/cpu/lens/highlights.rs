@@ -90,7 +90,10 @@ impl Surroundings {
             scratch.resize(size.width * size.channels, 0.0);
             for y in by * BLOCK..(by * BLOCK + BLOCK).min(size.height) {
                 colors.copy_row(y, 0..size.width, scratch);
-                simd.run(|| add_row(scratch, size.width, lights, &mut blocks));
+                simd.run(
+                    #[inline(always)]
+                    || add_row(scratch, size.width, lights, &mut blocks),
+                );
             }
             blocks
         };

@@ -258,7 +258,10 @@ impl Drawn<'_> {
         let rows = Rows::new(&self.sheets[sheet].s, self.size, y);
         let start = stretch.start;
         for chunk in cells::chunks(stretch) {
-            if self.simd.run(|| rows.is_empty(&chunk)) {
+            if self.simd.run(
+                #[inline(always)]
+                || rows.is_empty(&chunk),
+            ) {
                 continue;
             }
             let mut kappa = [0.0f32; CHUNK];
@@ -269,9 +272,15 @@ impl Drawn<'_> {
             }
             for (c, out) in planes.iter_mut().enumerate() {
                 let rows = band.rows(self.size, y, c);
-                self.simd.run(|| sharpen(&rows, &chunk, &kappa, &mut out[chunk.start - start..]));
+                self.simd.run(
+                    #[inline(always)]
+                    || sharpen(&rows, &chunk, &kappa, &mut out[chunk.start - start..]),
+                );
             }
-            let plain = self.simd.run(|| rows.plain(&chunk));
+            let plain = self.simd.run(
+                #[inline(always)]
+                || rows.plain(&chunk),
+            );
             for x in chunk.clone().filter(|x| !plain[x - chunk.start]) {
                 let cell = Cell { sheet, index: y * self.size.width + x };
                 let color = self.color_of(band, cell, kappa[x - chunk.start]);
