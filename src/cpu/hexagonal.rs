@@ -236,6 +236,7 @@ fn part_layers(field: &mut Field, at: usize, c: usize) {
     }
 }
 
+/// Fills a row with what each value of another one gives.
 #[inline(always)]
 fn map(values: &[f32], out: &mut [f32], of: impl Fn(f32) -> f32) {
     for (out, v) in out.iter_mut().zip(values) {

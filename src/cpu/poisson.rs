@@ -91,6 +91,7 @@ fn split(x: f32) -> (i32, f32) {
 }
 
 /// Where one tap reads for each pixel of a block.
+#[allow(clippy::large_enum_variant, reason = "one at a time, on the stack of the loop that reads it")]
 enum Places {
     /// As far from each pixel: all have the same circle of confusion.
     Same {
@@ -289,7 +290,7 @@ impl Extremes {
     /// Columns that share their extremes.
     const CELL: usize = 16;
 
-    /// What the leak test needs to ask for from column `x` on.
+    /// The leak test for the block from column `x` on: off where it would change nothing.
     #[inline(always)]
     fn leak_test(&self, plan: &Plan, x: usize, disparity: &[f32; BLOCK]) -> LeakTest {
         let cells = x / Self::CELL..(x + BLOCK + 2 * plan.margin).div_ceil(Self::CELL);
