@@ -39,6 +39,7 @@ from ._save import (
 
 __all__ = [
     "ALPHAS",
+    "READABLE_SUFFIXES",
     "RGBD",
     "SAMPLE_TYPES",
     "SUFFIXES",
@@ -56,6 +57,9 @@ __all__ = [
 ]
 
 Window = Literal["display", "data"]
+
+# Suffixes that files of the kinds read here have; they are recognised by their contents all the same.
+READABLE_SUFFIXES = (*SUFFIXES, ".jpg", ".jpeg", ".webp", ".bmp", ".hdr")
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,6 @@
 """Thousands of frames: read, rendered and written side by side, and resumed where they were left.
 
-`map_frames` does the work; `pair_files` finds it. How nothing is lost:
+`map_frames` does the work; `pair_files` and `read_manifest` find it. How nothing is lost:
 
 * A frame is done when its record, a JSON file beside its output, is there. It is written last, after every
   output of the frame, and taken away first when the frame is to be made anew. Every file appears under its
@@ -14,7 +14,8 @@ It guards against the death of processes, not of the machine: files are not forc
 """
 
 from .frames import OUTPUTS, Frame, Result
+from .manifest import Row, read_manifest
 from .pairs import Pairing, pair_files
 from .pipeline import map_frames
 
-__all__ = ["OUTPUTS", "Frame", "Pairing", "Result", "map_frames", "pair_files"]
+__all__ = ["OUTPUTS", "Frame", "Pairing", "Result", "Row", "map_frames", "pair_files", "read_manifest"]

@@ -48,7 +48,7 @@ class Frame:
         The largest radius of the circle of confusion that counts as within the depth of field.
     slices : int
         Pictures of the focal stack. Their distances are evenly spaced in disparity from the nearest to the
-        farthest depth of the frame.
+        farthest finite depth of the frame.
 
     Examples
     --------

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dofsim._arrays import StrPath
+from dofsim.io import READABLE_SUFFIXES
 
 # Words that tell the picture and the depth of one frame apart.
 _ROLE = r"(?:colou?r|rgb|image|img|left|depth(?:_meters)?|disp(?:arity)?|z)"
@@ -34,7 +35,7 @@ class Pairing:
     unmatched: list[Path]
 
 
-def pair_files(color: StrPath, depth: StrPath | None = None) -> Pairing:
+def pair_files(color: StrPath, depth: StrPath | None = None, *, exclude: StrPath | None = None) -> Pairing:
     """Find the files of frames.
 
     A file's name in its frame is its path from the folder given (of a pattern: from the part before the first
@@ -46,9 +47,13 @@ def pair_files(color: StrPath, depth: StrPath | None = None) -> Pairing:
     Parameters
     ----------
     color : str or path-like
-        A folder, searched with those below it, a pattern such as ``"scenes/*/rgb/*.png"``, or a file.
+        A folder, searched with those below it for files with one of `dofsim.io.READABLE_SUFFIXES`; a pattern
+        such as ``"scenes/*/rgb/*.png"``; or a file.
     depth : str or path-like, optional
         The same for the depth; without it each file holds picture and depth.
+    exclude : str or path-like, optional
+        A folder that is not searched, such as that of the results, unless it is ``color`` or ``depth``
+        itself.
 
     Returns
     -------
@@ -75,12 +80,12 @@ def pair_files(color: StrPath, depth: StrPath | None = None) -> Pairing:
     >>> [path.as_posix() for path in found.unmatched]
     ['rgb/0002.png']
     """
-    pictures = _named(color)
+    pictures = _named(color, exclude)
     if depth is None:
         if not pictures:
             raise ValueError(f"{color}: there is no file")
         return Pairing(pairs={name: (path, None) for name, path in pictures.items()}, unmatched=[])
-    depths = _named(depth)
+    depths = _named(depth, exclude)
     pairs: dict[str, tuple[Path, Path | None]] = {
         name: (path, depths[name]) for name, path in pictures.items() if name in depths
     }
@@ -92,10 +97,13 @@ def pair_files(color: StrPath, depth: StrPath | None = None) -> Pairing:
     return Pairing(pairs=pairs, unmatched=unmatched)
 
 
-def _named(where: StrPath) -> dict[str, Path]:
+def _named(where: StrPath, exclude: StrPath | None) -> dict[str, Path]:
     """Find the files of a folder or a pattern, by their names in their frames, in the order of these."""
     found: dict[str, Path] = {}
+    out = None if exclude is None or os.fspath(exclude) == os.fspath(where) else Path(exclude).resolve()
     for path, relative in _listed(os.fspath(where)):
+        if out is not None and path.resolve().is_relative_to(out):
+            continue
         stem = relative.stem
         stem = _TRAILING.sub("", stem) if _TRAILING.search(stem) else _LEADING.sub("", stem)
         name = relative.with_name(stem).as_posix()
@@ -111,7 +119,9 @@ def _listed(where: str) -> Iterator[tuple[Path, Path]]:
         base = Path(where)
         # A missing folder raises here, as does anything that cannot be looked at.
         base.stat()
-        paths = [base] if base.is_file() else list(base.rglob("*"))
+        paths = [base]
+        if not base.is_file():
+            paths = [path for path in base.rglob("*") if path.suffix.lower() in READABLE_SUFFIXES]
         base = base.parent if base.is_file() else base
     else:
         parts = Path(where).parts

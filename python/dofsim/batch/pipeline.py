@@ -80,12 +80,12 @@ def map_frames(
     """
     if in_flight < 1:
         raise ValueError(f"in_flight must be positive; got {in_flight}")
-    distinct = _distinct(frames)
+    checked = distinct(frames)
     if executor is None:
-        results = _overlapped(distinct, resume)
+        results = _overlapped(checked, resume)
     else:
         task: Callable[[Frame], Result] = partial(work.run, resume=resume)
-        results = _in_order(executor, task, distinct, in_flight)
+        results = _in_order(executor, task, checked, in_flight)
     return _recorded(results, None if failures is None else Path(failures))
 
 
@@ -113,7 +113,8 @@ def _in_order(executor: Executor, function: Callable[[S], T], items: Iterator[S]
             future.cancel()
 
 
-def _distinct(frames: Iterable[Frame]) -> Iterator[Frame]:
+def distinct(frames: Iterable[Frame]) -> Iterator[Frame]:
+    """Pass frames on, and refuse one that would write over another."""
     taken: set[Path] = set()
     for frame in frames:
         if not taken.isdisjoint(paths := {frame.record, *frame.files.values()}):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +39,7 @@ def fingerprint(frame: Frame) -> str:
     """
     inputs = [_stamp(path) for path in (frame.color, frame.depth) if path is not None]
     words = {name: value for name, value in _parameters(frame).items() if name not in ("color", "depth")}
-    text = json.dumps([dofsim.__version__, inputs, words], sort_keys=True, default=_plain)
+    text = json.dumps(_plain([dofsim.__version__, inputs, words]), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -74,7 +76,7 @@ def write_record(frame: Frame, mark: str, found: dict[str, Any]) -> None:
         "files": {name: path.name for name, path in frame.files.items()},
         "sizes": {path.name: path.stat().st_size for path in frame.files.values()},
     }
-    text = json.dumps(record, indent=1, default=_plain) + "\n"
+    text = json.dumps(_plain(record), indent=1) + "\n"
     _dofsim.write_bytes(frame.record, text.encode())
 
 
@@ -91,11 +93,15 @@ def _parameters(frame: Frame) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Put into JSON's words what it has none for."""
-    if isinstance(value, Path):
-        return str(value)
+    """Put into the words that JSON has; infinity has none and becomes text, which ``float`` understands."""
     if isinstance(value, dofsim.Aperture):
-        return value.__getnewargs_ex__()[1]
+        return _plain(value.__getnewargs_ex__()[1])
+    if isinstance(value, Mapping):
+        return {str(name): _plain(one) for name, one in value.items()}
     if isinstance(value, (np.ndarray, np.generic)):
-        return value.tolist()
-    return dict(value)
+        return _plain(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [_plain(one) for one in value]
+    if isinstance(value, Path) or (isinstance(value, float) and not math.isfinite(value)):
+        return str(value)
+    return value

@@ -126,9 +126,9 @@ def _compute(loaded: Loaded) -> Rendered:
     found: dict[str, Any] = {}
     words = dict(frame.lens)
     if frame.focus_at is not None:
-        x, y = _any_pixel(depth, frame, kind) if frame.focus_at == "random" else frame.focus_at
-        words = _options.focused_words(words, f"{x},{y}", depth, **kind)
-        found["focus_at"] = [x, y]
+        pixel = _any_pixel(depth, frame, kind) if frame.focus_at == "random" else frame.focus_at
+        words = _options.focused_words(words, pixel, depth, **kind)
+        found["focus_at"] = pixel
     lens = _options.make_lens(words)
     found["lens"] = words
 
@@ -187,16 +187,23 @@ def _write(rendered: Rendered) -> Result:
 
 def _any_pixel(depth: NDArray[np.float32], frame: Frame, kind: dict[str, Any]) -> tuple[int, int]:
     """Choose among the pixels that can be focused on; the generator's numbers are the same everywhere."""
-    if depth.ndim != 2:
-        raise ValueError("focus_at='random': the depth has layers, of which none is the one to focus on")
-    # Relative disparities may be negative. Zero and less is no depth of all other kinds.
-    allowed = np.isfinite(depth) & ((depth > 0) | (kind.get("depth_kind") == "disparity"))
-    candidates = np.flatnonzero(allowed)
-    if candidates.size == 0:
-        raise ValueError("focus_at='random': no pixel has a finite depth to focus on")
+    candidates = _focusable(depth, kind)
     chosen = candidates[random.Random(frame.seed).randrange(candidates.size)]
     y, x = divmod(int(chosen), depth.shape[1])
     return x, y
+
+
+def _focusable(depth: NDArray[np.float32], kind: dict[str, Any]) -> NDArray[np.intp]:
+    """Find the pixels whose depth can be focused on, in the order of rows."""
+    if depth.ndim != 2:
+        raise ValueError(
+            "focus_at='random' and stack: the depth has layers, of which none is the one to focus on"
+        )
+    # Relative disparities may be negative. Zero and less is no depth of all other kinds.
+    found = np.flatnonzero(np.isfinite(depth) & ((depth > 0) | (kind.get("depth_kind") == "disparity")))
+    if found.size == 0:
+        raise ValueError("focus_at='random' and stack: no pixel has a finite depth to focus on")
+    return found
 
 
 def _coc(
@@ -211,11 +218,10 @@ def _stack(
     lens: dofsim.Lens, depth: NDArray[np.float32], frame: Frame, kind: dict[str, Any]
 ) -> dict[str, dofsim.Lens]:
     """Lenses focused from the nearest to the farthest depth, evenly spaced in disparity."""
-    radius = _coc(lens, depth, frame, kind)
-    if radius.ndim != 2:
-        raise ValueError("stack: the depth has layers, which have no single nearest and farthest pixel")
-    # The radius grows with the distance, whatever the kind of depth. Pixels without depth count as far.
-    ends = [divmod(int(extreme), radius.shape[1]) for extreme in (radius.argmin(), radius.argmax())]
+    pixels = _focusable(depth, kind)
+    # The radius grows with the distance, whatever the kind of depth.
+    radius = _coc(lens, depth, frame, kind).ravel()[pixels]
+    ends = [divmod(int(pixels[extreme]), depth.shape[1]) for extreme in (radius.argmin(), radius.argmax())]
     near, far = (lens.focused_at(depth, x, y, **kind) for y, x in ends)
     share = np.linspace(0.0, 1.0, frame.slices) if frame.slices > 1 else np.array([0.5])
     if lens.focus is not None:
