@@ -124,10 +124,12 @@ def batch_command(
     ] = 0,
     blades: options.Blades = None,
     rotation: options.Rotation = None,
-    depth_kind: options.DepthKind = "z",
+    preset: options.Preset = None,
+    depth_kind: options.DepthKind = None,
     near: options.Near = None,
     far: options.Far = None,
-    depth_scale: options.DepthScale = 1.0,
+    depth_scale: options.DepthScale = None,
+    depth_missing: options.DepthMissing = None,
     depth_channel: options.DepthChannel = None,
     invalid: options.Invalid = "raise",
     layer: options.Layer = None,
@@ -176,17 +178,18 @@ def batch_command(
     pixel = options.read_pixel(focus_at) if focus_at is not None else None
     suffix = "." + suffix.lower().removeprefix(".")
     options.one_of("--format", suffix, io.SUFFIXES)
+    kind, depth_words = options.read_preset(preset, depth_kind, depth_scale, depth_missing)
     reading = {
         "layer": layer,
         "depth_channel": depth_channel,
-        "depth_scale": depth_scale,
+        **depth_words,
         "transfer": options.one_of("--transfer", transfer, io.TRANSFERS),
         "alpha": options.one_of("--alpha", alpha, io.ALPHAS),
     }
     rendering = {
         "method": method,
         "device": device,
-        "depth_kind": depth_kind,
+        "depth_kind": kind,
         "near": near,
         "far": far,
         "invalid": invalid,

@@ -61,10 +61,18 @@ Blades = Annotated[
 Rotation = Annotated[
     float | None, typer.Option(help="Rotation of the blades in degrees.", rich_help_panel="Aperture")
 ]
-DepthKind = Annotated[
-    str,
+Preset = Annotated[
+    str | None,
     typer.Option(
-        help="What depth measures: z, distance, inverse_z, disparity, zbuffer, distance_from_near.",
+        help="Read depth as written by: hypersim, kitti, nyu, tum, scannet, middlebury, sintel, mitsuba, "
+        "blender. The options below win.",
+        rich_help_panel="Depth",
+    ),
+]
+DepthKind = Annotated[
+    str | None,
+    typer.Option(
+        help="What depth measures: z (default), distance, inverse_z, disparity, zbuffer, distance_from_near.",
         rich_help_panel="Depth",
     ),
 ]
@@ -74,7 +82,13 @@ Near = Annotated[
 Far = Annotated[
     float | None, typer.Option(help="Far plane in metres, of z-buffers.", rich_help_panel="Depth")
 ]
-DepthScale = Annotated[float, typer.Option(help="Depth is multiplied by it.", rich_help_panel="Depth")]
+DepthScale = Annotated[float | None, typer.Option(help="Depth is multiplied by it.", rich_help_panel="Depth")]
+DepthMissing = Annotated[
+    float | None,
+    typer.Option(
+        help="The value in the file that means no reading, which --invalid is about.", rich_help_panel="Depth"
+    ),
+]
 DepthChannel = Annotated[
     str | None,
     typer.Option(help="Channel of an EXR file, or array of an NPZ file.", rich_help_panel="Depth"),
@@ -260,6 +274,37 @@ def read_numbers(option: str, text: str, kind: type[int] | type[float], what: st
     except ValueError:
         raise ValueError(f"{option} takes {what}; got {text!r}") from None
     return first, second
+
+
+def read_preset(
+    name: str | None, kind: str | None, scale: float | None, missing: float | None
+) -> tuple[str, dict[str, Any]]:
+    """Read what the depth in the file means; what is said outright goes before the preset.
+
+    Parameters
+    ----------
+    name : str or None
+        A preset of `dofsim.presets`.
+    kind, scale, missing
+        The options of the same names; None where they are not given.
+
+    Returns
+    -------
+    tuple of str and dict
+        The kind of depth, and the arguments about depth of `dofsim.io.read_rgbd`.
+
+    Raises
+    ------
+    ValueError
+        If there is no such preset.
+    """
+    from .presets import PRESETS, DepthPreset
+
+    chosen = one_of("--preset", name, tuple(PRESETS))
+    preset = DepthPreset() if chosen is None else PRESETS[chosen]
+    given = {"depth_scale": scale, "depth_missing": missing}
+    words = {word: value for word, value in given.items() if value is not None}
+    return kind or preset.depth_kind, preset.reading | words
 
 
 def read_pixel(text: str) -> tuple[int, int]:

@@ -121,10 +121,12 @@ def render_command(
     lens_file: options.LensFile = None,
     blades: options.Blades = None,
     rotation: options.Rotation = None,
-    depth_kind: options.DepthKind = "z",
+    preset: options.Preset = None,
+    depth_kind: options.DepthKind = None,
     near: options.Near = None,
     far: options.Far = None,
-    depth_scale: options.DepthScale = 1.0,
+    depth_scale: options.DepthScale = None,
+    depth_missing: options.DepthMissing = None,
     depth_channel: options.DepthChannel = None,
     invalid: options.Invalid = "raise",
     layer: options.Layer = None,
@@ -142,12 +144,13 @@ def render_command(
     from . import io
 
     _check_output(output, [image, depth, lens_file])
+    kind, reading = options.read_preset(preset, depth_kind, depth_scale, depth_missing)
     rgbd = io.read_rgbd(
         image,
         depth,
         layer=layer,
         depth_channel=depth_channel,
-        depth_scale=depth_scale,
+        **reading,
         transfer=options.one_of("--transfer", transfer, io.TRANSFERS),
     )
     words, opening = options.read_settings(
@@ -165,7 +168,7 @@ def render_command(
     )
     if focus_at is not None:
         words = options.focused_words(
-            words, options.read_pixel(focus_at), rgbd.depth, depth_kind=depth_kind, near=near, far=far
+            words, options.read_pixel(focus_at), rgbd.depth, depth_kind=kind, near=near, far=far
         )
     picture = io.Image(rgbd.color, rgbd.transfer, rgbd.alpha)
     if chosen := options.one_of("--alpha", alpha, io.ALPHAS):
@@ -180,7 +183,7 @@ def render_command(
         options.make_lens(words),
         method=method,
         device=device,
-        depth_kind=depth_kind,
+        depth_kind=kind,
         near=near,
         far=far,
         invalid=invalid,
@@ -214,10 +217,12 @@ def coc_command(
     f_number: options.FNumber = None,
     sensor_width_mm: options.SensorWidth = None,
     lens_file: options.LensFile = None,
-    depth_kind: options.DepthKind = "z",
+    preset: options.Preset = None,
+    depth_kind: options.DepthKind = None,
     near: options.Near = None,
     far: options.Far = None,
-    depth_scale: options.DepthScale = 1.0,
+    depth_scale: options.DepthScale = None,
+    depth_missing: options.DepthMissing = None,
     depth_channel: options.DepthChannel = None,
     invalid: options.Invalid = "raise",
     limit: Annotated[
@@ -228,7 +233,9 @@ def coc_command(
     from . import _dofsim, io
 
     _check_output(output, [depth, lens_file])
-    plane = io.read_depth(depth, channel=depth_channel, scale=depth_scale)
+    kind, reading = options.read_preset(preset, depth_kind, depth_scale, depth_missing)
+    words_of_depth = {name.removeprefix("depth_"): value for name, value in reading.items()}
+    plane = io.read_depth(depth, channel=depth_channel, **words_of_depth)
     words, _ = options.read_settings(
         lens_file,
         {
@@ -244,10 +251,10 @@ def coc_command(
     )
     if focus_at is not None:
         words = options.focused_words(
-            words, options.read_pixel(focus_at), plane, depth_kind=depth_kind, near=near, far=far
+            words, options.read_pixel(focus_at), plane, depth_kind=kind, near=near, far=far
         )
     lens = options.make_lens(words)
-    radius = dofsim.coc(plane, lens, depth_kind=depth_kind, near=near, far=far, invalid=invalid)
+    radius = dofsim.coc(plane, lens, depth_kind=kind, near=near, far=far, invalid=invalid)
     if output.suffix.lower() == ".png":
         from .falsecolor import draw_coc
 
