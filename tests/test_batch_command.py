@@ -238,6 +238,11 @@ def test_manifests_that_are_none(tmp_path, name, text, message):
         (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--format", "gif"], "--format takes .exr"),
         (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--outputs", "photo"], "outputs must be some of"),
         (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--workers", "0"], "--workers"),
+        (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--method", "lense"], 'got "lense"'),
+        (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--set", "taps=3"], "taps"),
+        (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--preset", "mitsuba"], "near"),
+        (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--outputs", "coc", "--overscan", "2"], "overscan=0"),
+        (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--format", "png", "--dtype", "half"], "--dtype half"),
     ],
 )
 def test_refusals(few, capsys, arguments, message):

@@ -9,6 +9,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from random import Random
 from typing import TYPE_CHECKING, Annotated, Any
@@ -211,7 +212,7 @@ def batch_command(
             output=output / f"{row.name}{suffix}",
             lens=words | drawn | row.lens,
             focus_at=focus,
-            seed=random.getrandbits(63),
+            seed=random.getrandbits(63) if focus == "random" else 0,
             reading=reading,
             options=rendering,
             dtype=options.one_of("--dtype", dtype, io.SAMPLE_TYPES),
@@ -225,6 +226,7 @@ def batch_command(
             raise ValueError(f"{row.color}: {error}" if row.lens else str(error)) from error
         frames.append(frame)
     _check_paths(frames)
+    _check_options(frames[0])
     _remove_parts(frames)
     return _run(frames, output, workers=workers, resume=resume)
 
@@ -263,6 +265,23 @@ def _check_paths(frames: list[Frame]) -> None:
         for path in frame.files.values():
             if path.resolve() in inputs:
                 raise ValueError(f"{path}: is one of the inputs, which are not overwritten")
+
+
+def _check_options(frame: Frame) -> None:
+    """Refuse what no picture could be rendered or written with, by rendering a small one."""
+    import numpy as np
+
+    from . import io
+    from .batch import work
+
+    if frame.dtype is not None and not io.holds(frame.output, frame.dtype):
+        raise ValueError(f"--dtype {frame.dtype}: {frame.output.suffix} files have no such samples")
+    # What is left of it has 16 pixels a side, and its depth is one in all units.
+    side = frame.options["supersample"] * (2 * frame.options["overscan"] + 16)
+    image = io.Image(np.ones((side, side, 3), np.float32), "linear", "none")
+    depth = np.full((side, side), 0.5, np.float32)
+    some_focus = replace(frame, focus_at="random" if frame.focus_at is not None else None)
+    work.render(work.Loaded(frame=some_focus, fingerprint="", image=image, depth=depth))
 
 
 def _remove_parts(frames: list[Frame]) -> None:

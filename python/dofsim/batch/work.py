@@ -77,7 +77,7 @@ def compute(loaded: Loaded | Result) -> Rendered | Result:
     """Compute a frame that could be read."""
     if isinstance(loaded, Result):
         return loaded
-    return _guarded(loaded.frame, lambda: _compute(loaded))
+    return _guarded(loaded.frame, lambda: render(loaded))
 
 
 def write(rendered: Rendered | Result) -> Result:
@@ -120,7 +120,24 @@ def _read(frame: Frame, resume: bool) -> Loaded | Result:
     )
 
 
-def _compute(loaded: Loaded) -> Rendered:
+def render(loaded: Loaded) -> Rendered:
+    """Compute a frame, and raise what is wrong with it.
+
+    Parameters
+    ----------
+    loaded : Loaded
+        The frame.
+
+    Returns
+    -------
+    Rendered
+        What is to be written.
+
+    Raises
+    ------
+    ValueError, TypeError, DeviceError
+        As `dofsim.render`.
+    """
     frame, image, depth = loaded.frame, loaded.image, loaded.depth
     kind = {name: frame.options[name] for name in _DEPTH_WORDS if name in frame.options}
     found: dict[str, Any] = {}
@@ -147,7 +164,8 @@ def _compute(loaded: Loaded) -> Rendered:
         pixels |= {name: scene.render(one, **render_words) for name, one in lenses.items()}
     if {"coc", "mask"} & set(frame.outputs):
         radius = _coc(lens, depth, frame, kind)
-        maps = {"coc": radius, "mask": np.where(np.abs(radius) <= frame.sharp_radius_px, 255, 0)}
+        sharp = np.abs(radius) <= frame.sharp_radius_px
+        maps = {"coc": radius, "mask": np.where(sharp, np.uint8(255), np.uint8(0))}
         pixels |= {name: maps[name] for name in ("coc", "mask") if name in frame.outputs}
 
     dtype = frame.dtype
@@ -178,7 +196,7 @@ def _write(rendered: Rendered) -> Result:
         if name == "coc":
             io.write_exr(path, {"coc": pixels})
         elif name == "mask":
-            io.write_image(path, pixels.astype(np.uint8))
+            io.write_image(path, pixels)
         else:
             io.write_image(path, pixels, alpha=rendered.alpha, dtype=rendered.dtype)
     write_record(frame, rendered.fingerprint, rendered.found)
