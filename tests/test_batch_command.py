@@ -294,6 +294,15 @@ def test_ctrl_c_ends_cleanly_and_the_next_run_resumes(data, capsys, workers):
     assert f"{47 - done} written, {done} there already, 3 failed" in capsys.readouterr().out
 
 
+def test_a_worker_that_was_killed_is_told_of(few, capsys, monkeypatch):
+    def map_frames(*_, executor, **__):
+        yield executor.submit(os._exit, 1).result()
+
+    monkeypatch.setattr("dofsim.batch.map_frames", map_frames)
+    assert batch("rgb", "depth", "-o", "out", *LENS_OPTIONS, "--workers", "2") == 1
+    assert capsys.readouterr().err.startswith("dofsim: a worker was killed")
+
+
 @pytest.mark.skipif(os.name != "posix", reason="signals are sent the POSIX way")
 def test_workers_end_with_a_killed_run_and_its_unfinished_files_go(data, capsys):
     arguments = ["rgb", "depth", *LENS_OPTIONS, "--workers", "2"]

@@ -332,7 +332,14 @@ def _executor(workers: int) -> Iterator[Executor | None]:
     if workers == 1:
         yield None
         return
+    from concurrent.futures import BrokenExecutor
+
     from .batch.workers import process_pool
 
-    with process_pool(workers) as pool:
-        yield pool
+    try:
+        with process_pool(workers) as pool:
+            yield pool
+    except BrokenExecutor as error:
+        raise OSError(
+            "a worker was killed, as happens when memory runs out; run again to go on, with fewer --workers"
+        ) from error
