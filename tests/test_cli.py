@@ -58,7 +58,7 @@ def test_the_script_ends_with_the_status(tmp_path):
 def test_help_lists_the_commands(capsys):
     assert run(["--help"]) == 0
     help_text = capsys.readouterr().out
-    assert all(command in help_text for command in ("render", "coc", "compare", "demo"))
+    assert all(command in help_text for command in ("render", "batch", "coc", "compare", "demo"))
 
 
 @pytest.mark.parametrize(

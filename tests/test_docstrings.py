@@ -5,12 +5,12 @@ import inspect
 
 import dofsim
 import pytest
-from dofsim import io, metrics
+from dofsim import batch, io, metrics, presets
 
 
 def documented():
     """Yield the name and the text of all public objects and of their public members."""
-    for module in (dofsim, io, metrics):
+    for module in (dofsim, batch, io, metrics, presets):
         for name in module.__all__:
             thing = getattr(module, name)
             if not (inspect.isclass(thing) or callable(thing)):

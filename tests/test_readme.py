@@ -33,6 +33,12 @@ def folder(tmp_path, monkeypatch):
     io.write_image("photo.png", color)
     io.write_image("render.exr", color)
     np.save("depth.npy", np.where(np.isinf(depth), 100.0, depth))
+    for name in ("color", "depth"):
+        Path(name).mkdir()
+    for index in range(2):
+        shutil.copy("render.exr", f"color/{index:04}_rgb.exr")
+        shutil.copy("depth.npy", f"depth/{index:04}.npy")
+    Path("frames.csv").write_text("color,depth,focus_distance\nrender.exr,depth.npy,0.5\n")
     return tmp_path
 
 

@@ -61,10 +61,18 @@ Blades = Annotated[
 Rotation = Annotated[
     float | None, typer.Option(help="Rotation of the blades in degrees.", rich_help_panel="Aperture")
 ]
-DepthKind = Annotated[
-    str,
+Preset = Annotated[
+    str | None,
     typer.Option(
-        help="What depth measures: z, distance, inverse_z, disparity, zbuffer, distance_from_near.",
+        help="Read depth as written by: hypersim, kitti, nyu, tum, scannet, middlebury, sintel, mitsuba, "
+        "blender. The options below win.",
+        rich_help_panel="Depth",
+    ),
+]
+DepthKind = Annotated[
+    str | None,
+    typer.Option(
+        help="What depth measures: z (default), distance, inverse_z, disparity, zbuffer, distance_from_near.",
         rich_help_panel="Depth",
     ),
 ]
@@ -74,7 +82,13 @@ Near = Annotated[
 Far = Annotated[
     float | None, typer.Option(help="Far plane in metres, of z-buffers.", rich_help_panel="Depth")
 ]
-DepthScale = Annotated[float, typer.Option(help="Depth is multiplied by it.", rich_help_panel="Depth")]
+DepthScale = Annotated[float | None, typer.Option(help="Depth is multiplied by it.", rich_help_panel="Depth")]
+DepthMissing = Annotated[
+    float | None,
+    typer.Option(
+        help="The value in the file that means no reading, which --invalid is about.", rich_help_panel="Depth"
+    ),
+]
 DepthChannel = Annotated[
     str | None,
     typer.Option(help="Channel of an EXR file, or array of an NPZ file.", rich_help_panel="Depth"),
@@ -86,6 +100,18 @@ Layer = Annotated[str | None, typer.Option(help="Layer of an EXR file that is th
 Transfer = Annotated[
     str | None, typer.Option(help="What an integer picture holds: srgb (default) or linear.")
 ]
+Alpha = Annotated[
+    str | None, typer.Option(help="What a second or fourth channel is: straight, premultiplied or none.")
+]
+Method = Annotated[str, typer.Option(help="How to compute.")]
+Device = Annotated[str, typer.Option(help="Where to compute: auto, cpu or gpu.")]
+Overscan = Annotated[int, typer.Option(help="Margin of the picture beyond the output, in output pixels.")]
+Supersample = Annotated[int, typer.Option(help="Pixels of the picture to one of the output.")]
+Threads = Annotated[int | None, typer.Option(help="Threads to use; all by default.")]
+SampleType = Annotated[
+    str | None,
+    typer.Option("--dtype", help="Samples of the output: half or float (EXR), uint8 or uint16 (PNG, TIFF)."),
+]
 
 MethodOptions = Annotated[
     list[str] | None,
@@ -96,9 +122,9 @@ MethodOptions = Annotated[
     ),
 ]
 
-_THIN = ("aperture_radius", "focus_distance", "fov", "fov_axis")
-_CAMERA = ("focal_length_mm", "f_number", "focus_distance", "sensor_width_mm")
-_RELATIVE = ("strength_px", "focus")
+THIN_WORDS = ("aperture_radius", "focus_distance", "fov", "fov_axis")
+CAMERA_WORDS = ("focal_length_mm", "f_number", "focus_distance", "sensor_width_mm")
+RELATIVE_WORDS = ("strength_px", "focus")
 # What each constructor can do without.
 _OPTIONAL = {"fov_axis", "sensor_width_mm"}
 
@@ -197,30 +223,116 @@ def make_lens(words: Mapping[str, Any]) -> dofsim.Lens:
     ValueError
         If words are missing or belong to different kinds of lenses, or if a value is out of range.
     """
-    kinds = (_CAMERA, dofsim.Lens.from_camera), (_RELATIVE, dofsim.Lens.from_disparity)
+    kinds = (CAMERA_WORDS, dofsim.Lens.from_camera), (RELATIVE_WORDS, dofsim.Lens.from_disparity)
     known, maker = next(
         (kind for kind in kinds if any(word in kind[0] and word != "focus_distance" for word in words)),
-        (_THIN, dofsim.Lens),
+        (THIN_WORDS, dofsim.Lens),
     )
     if alien := [word for word in words if word not in known]:
         raise ValueError(f"a lens of {_spell(known)} has no {_spell(alien)}")
     if missing := [word for word in known if word not in words and word not in _OPTIONAL]:
         raise ValueError(
-            f"the lens is not complete: {_spell(missing)} missing (a lens is given by {_spell(_THIN)}, by "
-            f"{_spell(_CAMERA)}, or by --lens and a file)"
+            f"the lens is not complete: {_spell(missing)} missing (a lens is given by {_spell(THIN_WORDS)}, "
+            f"by {_spell(CAMERA_WORDS)}, or by --lens and a file)"
         )
     return maker(**words)
 
 
-def focused_words(words: Mapping[str, Any], pixel: str, depth: Any, **kind: Any) -> dict[str, Any]:
+def one_of(option: str, value: str | None, accepted: tuple[Any, ...]) -> Any:
+    """Give a word back if it is one of those accepted, or None."""
+    if value is not None and value not in accepted:
+        raise ValueError(f"{option} takes {', '.join(accepted)}; got {value!r}")
+    return value
+
+
+def read_numbers(option: str, text: str, kind: type[int] | type[float], what: str) -> tuple[Any, Any]:
+    """Read two numbers with a comma between them.
+
+    Parameters
+    ----------
+    option : str
+        The option that they belong to, for the error.
+    text : str
+        The numbers.
+    kind : type
+        ``int`` or ``float``.
+    what : str
+        What the numbers are, for the error.
+
+    Returns
+    -------
+    tuple of int or float
+        The numbers.
+
+    Raises
+    ------
+    ValueError
+        If the text is something else.
+    """
+    try:
+        first, second = (kind(number) for number in text.split(","))
+    except ValueError:
+        raise ValueError(f"{option} takes {what}; got {text!r}") from None
+    return first, second
+
+
+def read_preset(
+    name: str | None, kind: str | None, scale: float | None, missing: float | None
+) -> tuple[str, dict[str, Any]]:
+    """Read what the depth in the file means; what is said outright goes before the preset.
+
+    Parameters
+    ----------
+    name : str or None
+        A preset of `dofsim.presets`.
+    kind, scale, missing
+        The options of the same names; None where they are not given.
+
+    Returns
+    -------
+    tuple of str and dict
+        The kind of depth, and the arguments about depth of `dofsim.io.read_rgbd`.
+
+    Raises
+    ------
+    ValueError
+        If there is no such preset.
+    """
+    from .presets import PRESETS, DepthPreset
+
+    chosen = one_of("--preset", name, tuple(PRESETS))
+    preset = DepthPreset() if chosen is None else PRESETS[chosen]
+    given = {"depth_scale": scale, "depth_missing": missing}
+    words = {word: value for word, value in given.items() if value is not None}
+    return kind or preset.depth_kind, preset.reading | words
+
+
+def read_pixel(text: str) -> tuple[int, int]:
+    """Read the column and the row that follow ``--focus-at``."""
+    return read_numbers("--focus-at", text, int, "a column and a row, X,Y")
+
+
+def without_focus(words: Mapping[str, Any]) -> dict[str, Any]:
+    """Give a lens some focus, far away, for what does not depend on it."""
+    return {**words, focus_word(words): 1.0 if focus_word(words) == "focus" else math.inf}
+
+
+def focus_word(words: Mapping[str, Any]) -> str:
+    """Name the word of the focus in a lens."""
+    return "focus" if "strength_px" in words else "focus_distance"
+
+
+def focused_words(
+    words: Mapping[str, Any], pixel: tuple[int, int], depth: Any, **kind: Any
+) -> dict[str, Any]:
     """Focus on what a pixel sees.
 
     Parameters
     ----------
     words : mapping
         The lens, as for `make_lens`; its focus may be missing.
-    pixel : str
-        Column and row, ``"X,Y"``.
+    pixel : tuple of int
+        Column and row.
     depth : ndarray
         The depth map, shape (H, W).
     **kind
@@ -235,19 +347,13 @@ def focused_words(words: Mapping[str, Any], pixel: str, depth: Any, **kind: Any)
     Raises
     ------
     ValueError
-        If the pixel is not two integers, is not in the picture, or has no depth.
+        If the pixel is not in the picture, or has no depth.
     """
     try:
-        x, y = (int(number) for number in pixel.split(","))
-    except ValueError:
-        raise ValueError(f"--focus-at takes a column and a row, X,Y; got {pixel!r}") from None
-    focus = "focus" if "strength_px" in words else "focus_distance"
-    start = make_lens({**words, focus: 1.0 if focus == "focus" else math.inf})
-    try:
-        found = start.focused_at(depth, x, y, **kind)
+        found = make_lens(without_focus(words)).focused_at(depth, *pixel, **kind)
     except IndexError as error:
         raise ValueError(f"--focus-at: {error}") from error
-    return {**words, focus: getattr(found, focus)}
+    return {**words, focus_word(words): getattr(found, focus_word(words))}
 
 
 def _spell(words: tuple[str, ...] | list[str]) -> str:

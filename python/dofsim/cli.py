@@ -11,16 +11,14 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
 import dofsim
 
 from . import _options as options
-
-if TYPE_CHECKING:
-    pass
+from ._batch_command import batch_command
 
 app = typer.Typer(
     help="Turn a pinhole picture and its depth into the picture that a real lens would have taken.",
@@ -31,6 +29,8 @@ app = typer.Typer(
 
 Output = Annotated[Path, typer.Option("--output", "-o", help="File to write; its suffix names the format.")]
 
+# What Typer makes of Ctrl-C; none of the commands returns it.
+_INTERRUPTED = 130
 # What these refusals of the system are about is always a path that was given.
 _PATH_ERRORS = (FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError)
 
@@ -61,6 +61,8 @@ def run(arguments: list[str]) -> int:
     """
     try:
         status: object = app(arguments, prog_name="dofsim", standalone_mode=False)
+        if status == _INTERRUPTED:
+            return _fail("interrupted", 1)
         return status if isinstance(status, int) else 0
     except (KeyboardInterrupt, typer.Abort):
         return _fail("interrupted", 1)
@@ -119,42 +121,37 @@ def render_command(
     lens_file: options.LensFile = None,
     blades: options.Blades = None,
     rotation: options.Rotation = None,
-    depth_kind: options.DepthKind = "z",
+    preset: options.Preset = None,
+    depth_kind: options.DepthKind = None,
     near: options.Near = None,
     far: options.Far = None,
-    depth_scale: options.DepthScale = 1.0,
+    depth_scale: options.DepthScale = None,
+    depth_missing: options.DepthMissing = None,
     depth_channel: options.DepthChannel = None,
     invalid: options.Invalid = "raise",
     layer: options.Layer = None,
     transfer: options.Transfer = None,
-    alpha: Annotated[
-        str | None,
-        typer.Option(help="What a second or fourth channel is: straight, premultiplied or none."),
-    ] = None,
-    method: Annotated[str, typer.Option(help="How to compute.")] = "lens",
+    alpha: options.Alpha = None,
+    method: options.Method = "lens",
     method_options: options.MethodOptions = None,
-    device: Annotated[str, typer.Option(help="Where to compute: auto, cpu or gpu.")] = "auto",
-    overscan: Annotated[
-        int, typer.Option(help="Margin of the picture beyond the output, in output pixels.")
-    ] = 0,
-    supersample: Annotated[int, typer.Option(help="Pixels of the picture to one of the output.")] = 1,
-    threads: Annotated[int | None, typer.Option(help="Threads to use; all by default.")] = None,
-    dtype: Annotated[
-        str | None,
-        typer.Option(help="Samples of the output: half or float (EXR), uint8 or uint16 (PNG, TIFF)."),
-    ] = None,
+    device: options.Device = "auto",
+    overscan: options.Overscan = 0,
+    supersample: options.Supersample = 1,
+    threads: options.Threads = None,
+    dtype: options.SampleType = None,
 ) -> None:
     """Render a picture through a lens."""
     from . import io
 
     _check_output(output, [image, depth, lens_file])
+    kind, reading = options.read_preset(preset, depth_kind, depth_scale, depth_missing)
     rgbd = io.read_rgbd(
         image,
         depth,
         layer=layer,
         depth_channel=depth_channel,
-        depth_scale=depth_scale,
-        transfer=_one_of("--transfer", transfer, io.TRANSFERS),
+        **reading,
+        transfer=options.one_of("--transfer", transfer, io.TRANSFERS),
     )
     words, opening = options.read_settings(
         lens_file,
@@ -170,9 +167,11 @@ def render_command(
         {"blades": blades, "rotation": rotation},
     )
     if focus_at is not None:
-        words = options.focused_words(words, focus_at, rgbd.depth, depth_kind=depth_kind, near=near, far=far)
+        words = options.focused_words(
+            words, options.read_pixel(focus_at), rgbd.depth, depth_kind=kind, near=near, far=far
+        )
     picture = io.Image(rgbd.color, rgbd.transfer, rgbd.alpha)
-    if chosen := _one_of("--alpha", alpha, io.ALPHAS):
+    if chosen := options.one_of("--alpha", alpha, io.ALPHAS):
         picture = replace(picture, alpha=chosen)
     color = picture.to_linear()
     has_alpha = picture.alpha != "none"
@@ -184,7 +183,7 @@ def render_command(
         options.make_lens(words),
         method=method,
         device=device,
-        depth_kind=depth_kind,
+        depth_kind=kind,
         near=near,
         far=far,
         invalid=invalid,
@@ -198,7 +197,7 @@ def render_command(
     )
     seconds = time.perf_counter() - start
 
-    sample_type = _one_of("--dtype", dtype, io.SAMPLE_TYPES)
+    sample_type = options.one_of("--dtype", dtype, io.SAMPLE_TYPES)
     if sample_type is None and rgbd.color.dtype == "uint16" and io.holds(output, "uint16"):
         sample_type = "uint16"
     io.write_image(output, result, alpha="premultiplied" if has_alpha else "none", dtype=sample_type)
@@ -218,10 +217,12 @@ def coc_command(
     f_number: options.FNumber = None,
     sensor_width_mm: options.SensorWidth = None,
     lens_file: options.LensFile = None,
-    depth_kind: options.DepthKind = "z",
+    preset: options.Preset = None,
+    depth_kind: options.DepthKind = None,
     near: options.Near = None,
     far: options.Far = None,
-    depth_scale: options.DepthScale = 1.0,
+    depth_scale: options.DepthScale = None,
+    depth_missing: options.DepthMissing = None,
     depth_channel: options.DepthChannel = None,
     invalid: options.Invalid = "raise",
     limit: Annotated[
@@ -232,7 +233,9 @@ def coc_command(
     from . import _dofsim, io
 
     _check_output(output, [depth, lens_file])
-    plane = io.read_depth(depth, channel=depth_channel, scale=depth_scale)
+    kind, reading = options.read_preset(preset, depth_kind, depth_scale, depth_missing)
+    words_of_depth = {name.removeprefix("depth_"): value for name, value in reading.items()}
+    plane = io.read_depth(depth, channel=depth_channel, **words_of_depth)
     words, _ = options.read_settings(
         lens_file,
         {
@@ -247,9 +250,11 @@ def coc_command(
         {},
     )
     if focus_at is not None:
-        words = options.focused_words(words, focus_at, plane, depth_kind=depth_kind, near=near, far=far)
+        words = options.focused_words(
+            words, options.read_pixel(focus_at), plane, depth_kind=kind, near=near, far=far
+        )
     lens = options.make_lens(words)
-    radius = dofsim.coc(plane, lens, depth_kind=depth_kind, near=near, far=far, invalid=invalid)
+    radius = dofsim.coc(plane, lens, depth_kind=kind, near=near, far=far, invalid=invalid)
     if output.suffix.lower() == ".png":
         from .falsecolor import draw_coc
 
@@ -259,6 +264,9 @@ def coc_command(
     else:
         io.write_image(output, radius)
     print(f"{output}: radius from {radius.min():+.2f} px (near) to {radius.max():+.2f} px (far)")
+
+
+app.command("batch", no_args_is_help=True)(batch_command)
 
 
 @app.command("compare", no_args_is_help=True)
@@ -293,7 +301,7 @@ def demo_command(
     output: Annotated[
         Path, typer.Option("--output", "-o", help="Folder to write into; made if it is not there.")
     ] = Path("dofsim-demo"),
-    device: Annotated[str, typer.Option(help="Where to compute: auto, cpu or gpu.")] = "auto",
+    device: options.Device = "auto",
 ) -> None:
     """Render the picture that comes with dofsim and compare it with a ray tracer's."""
     from .demo import run_demo
@@ -320,9 +328,3 @@ def _check_output(output: Path, inputs: list[Path | None], suffixes: tuple[str, 
 
 def _same(path: Path, output: Path) -> bool:
     return path.exists() and output.exists() and path.samefile(output)
-
-
-def _one_of(option: str, value: str | None, accepted: tuple[Any, ...]) -> Any:
-    if value is not None and value not in accepted:
-        raise ValueError(f"{option} takes {', '.join(accepted)}; got {value!r}")
-    return value

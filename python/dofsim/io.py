@@ -1,5 +1,7 @@
 """Pictures and depth maps from files and back: OpenEXR, PNG, TIFF, PFM, NPY and NPZ.
 
+Other kinds are read only, among them Sintel's depth and, with ``pip install dofsim[hdf5]``, HDF5.
+
 What kind of light a file holds follows from its type, unless the caller says otherwise:
 
 * integer files (PNG, integer TIFF) hold sRGB code values with straight alpha. Their pixels keep their
@@ -21,7 +23,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from . import _arrays, _channels, _dofsim
+from . import _arrays, _channels, _datasets, _dofsim
 from ._alpha import premultiply
 from ._arrays import StrPath
 from ._exr import channels_of, list_channels, read_exr, read_part, write_exr
@@ -39,6 +41,7 @@ from ._save import (
 
 __all__ = [
     "ALPHAS",
+    "READABLE_SUFFIXES",
     "RGBD",
     "SAMPLE_TYPES",
     "SUFFIXES",
@@ -56,6 +59,9 @@ __all__ = [
 ]
 
 Window = Literal["display", "data"]
+
+# Suffixes that files of the kinds read here have; they are recognised by their contents all the same.
+READABLE_SUFFIXES = (*SUFFIXES, ".jpg", ".jpeg", ".webp", ".bmp", ".hdr", ".dpt", ".h5", ".hdf5")
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,11 +142,11 @@ def read_color(
     Parameters
     ----------
     path : str or path-like
-        An OpenEXR, PNG, JPEG, WebP, BMP, Radiance HDR, TIFF, PFM, NPY or NPZ file.
+        An OpenEXR, PNG, JPEG, WebP, BMP, Radiance HDR, TIFF, PFM, NPY or NPZ file, or with h5py an HDF5 file.
     layer : str, optional
         Which layer of an OpenEXR file (``"ViewLayer.Combined"``; ``""`` for channels outside any layer) or
-        which array of an NPZ file. Without it the layer is chosen by its name, see `dofsim._channels`; in an
-        NPZ file it is ``color`` or the only array.
+        which array of an NPZ or HDF5 file. Without it the layer is chosen by its name, see
+        `dofsim._channels`; in an NPZ file it is ``color`` or the only array.
     transfer : {"linear", "srgb"}, optional
         What an integer file holds. The default is ``"srgb"``.
     window : {"display", "data"}, optional
@@ -171,7 +177,7 @@ def read_color(
     >>> image.pixels.dtype, image.transfer, int(image.pixels[0, 0])
     (dtype('uint8'), 'srgb', 188)
     """
-    kind = _dofsim.file_kind(path)
+    kind = _datasets.file_kind(path)
     alpha: Alpha = "none"
     if kind == "exr":
         listed = channels_of(path)
@@ -183,6 +189,8 @@ def read_color(
         pixels = _arrays.read_npz(path, layer, ("color", "rgba", "rgb"))
     elif kind == "npy":
         pixels = _arrays.read_npy(path)
+    elif kind == "hdf5":
+        pixels = _datasets.read_hdf5(path, layer)
     else:
         pixels, alpha = _dofsim.read_raster(path)
     numpy_file = kind in ("npy", "npz")
@@ -199,6 +207,8 @@ def read_depth(
     *,
     channel: str | None = None,
     scale: float = 1.0,
+    missing: float | None = None,
+    background: float | None = None,
     layer: str | None = None,
     window: Window = "display",
 ) -> NDArray[np.float32]:
@@ -207,12 +217,18 @@ def read_depth(
     Parameters
     ----------
     path : str or path-like
-        A file of any kind that `read_color` reads. All but OpenEXR and NPZ must have a single channel.
+        A file of any kind that `read_color` reads, or Sintel's ``.dpt``. All but OpenEXR, NPZ and HDF5 must
+        have a single channel.
     channel : str, optional
-        Which channel of an OpenEXR file or which array of an NPZ file. Without it the channel is chosen by
-        its name, see `dofsim._channels`; in an NPZ file it is ``depth``, ``z`` or the only array.
+        Which channel of an OpenEXR file or which array of an NPZ or HDF5 file. Without it the channel is
+        chosen by its name, see `dofsim._channels`; in an NPZ file it is ``depth``, ``z`` or the only array.
     scale : float, optional
         The values are multiplied by it: 0.001 for millimetres in a 16-bit PNG, 1/256 for KITTI.
+    missing : float, optional
+        The value in the file that means no reading, such as 0; becomes NaN.
+    background : float, optional
+        The value in the file that means the background, such as Blender's 1e10; it and what is above become
+        infinite. See `dofsim.presets` for what data sets have.
     layer : str, optional
         The colour layer that the depth belongs to; decides between equals in an OpenEXR file.
     window : {"display", "data"}, optional
@@ -242,7 +258,7 @@ def read_depth(
     ...     read_depth(path)
     array([[1. , 2.5, inf]], dtype=float32)
     """
-    kind = _dofsim.file_kind(path)
+    kind = _datasets.file_kind(path)
     if not math.isfinite(scale) or scale <= 0:
         raise ValueError(f"scale must be positive and finite, not {scale}")
     if kind == "exr":
@@ -254,6 +270,10 @@ def read_depth(
         depth = _arrays.read_npz(path, channel, ("depth", "z"))
     elif kind == "npy":
         depth = _arrays.read_npy(path)
+    elif kind == "hdf5":
+        depth = _datasets.read_hdf5(path, channel)
+    elif kind == "dpt":
+        depth = _datasets.read_dpt(path)
     else:
         depth, _ = _dofsim.read_raster(path)
     layers = kind in ("npy", "npz") and depth.ndim == 3
@@ -261,7 +281,13 @@ def read_depth(
         raise ValueError(f"{path}: found {_describe(depth)}; a depth map has one channel of numbers")
     # Whatever is in the file is passed on: values beyond float32 as infinite, NaN as NaN.
     with np.errstate(over="ignore", invalid="ignore"):
-        return depth.astype(np.float32) * np.float32(scale)
+        values = depth.astype(np.float32)
+        distances = values * np.float32(scale)
+    if missing is not None:
+        distances[values == np.float32(missing)] = np.nan
+    if background is not None:
+        distances[values >= np.float32(background)] = np.inf
+    return distances
 
 
 def read_rgbd(
@@ -271,6 +297,8 @@ def read_rgbd(
     layer: str | None = None,
     depth_channel: str | None = None,
     depth_scale: float = 1.0,
+    depth_missing: float | None = None,
+    depth_background: float | None = None,
     transfer: Transfer | None = None,
     window: Window = "display",
 ) -> RGBD:
@@ -289,6 +317,8 @@ def read_rgbd(
         Which channel is the depth.
     depth_scale : float, optional
         The depth is multiplied by it.
+    depth_missing, depth_background : float, optional
+        ``missing`` and ``background`` of `read_depth`.
     transfer : {"linear", "srgb"}, optional
         What an integer picture holds. The default is ``"srgb"``.
     window : {"display", "data"}, optional
@@ -318,13 +348,15 @@ def read_rgbd(
     >>> color.shape, depth.shape
     ((4, 6, 3), (4, 6))
     """
-    if depth_path is None and (kind := _dofsim.file_kind(color_path)) not in ("exr", "npz"):
+    if depth_path is None and (kind := _datasets.file_kind(color_path)) not in ("exr", "npz"):
         raise ValueError(f"{color_path}: a file of kind {kind} holds no depth beside the picture")
     image = read_color(color_path, layer=layer, transfer=transfer, window=window)
     depth = read_depth(
         color_path if depth_path is None else depth_path,
         channel=depth_channel,
         scale=depth_scale,
+        missing=depth_missing,
+        background=depth_background,
         layer=layer if depth_path is None else None,
         window=window,
     )

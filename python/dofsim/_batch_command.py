@@ -1,0 +1,345 @@
+"""``dofsim batch``: the frames that the command line describes, and how they are getting on."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from random import Random
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+import dofsim
+
+from . import _options as options
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from .batch import Frame, Row
+
+_FRAMES = "Frames"
+_OUTPUTS = "Outputs"
+_RANDOM = "Random lenses"
+
+
+def batch_command(
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Folder to write into; made if it is not there.")
+    ],
+    color: Annotated[
+        str | None, typer.Argument(help="The pictures: a folder, a pattern in quotes, or a file.")
+    ] = None,
+    depth: Annotated[
+        str | None,
+        typer.Argument(help="The depth maps, likewise; without it they are in the pictures' files."),
+    ] = None,
+    manifest: Annotated[
+        Path | None,
+        typer.Option(
+            help="CSV or JSON lines in place of COLOR and DEPTH: color, depth, output, focus_at and the "
+            "words of the lens; paths are relative to it, and its words win.",
+            rich_help_panel=_FRAMES,
+        ),
+    ] = None,
+    resume: Annotated[
+        bool,
+        typer.Option(
+            help="Skip frames that are there, made with the same options from inputs of the same size and "
+            "time of change.",
+            rich_help_panel=_FRAMES,
+        ),
+    ] = True,
+    workers: Annotated[
+        int,
+        typer.Option(min=1, help="Processes to work in; they share the threads.", rich_help_panel=_FRAMES),
+    ] = 1,
+    outputs: Annotated[
+        str,
+        typer.Option(
+            help="What to write, with commas between: picture, coc (signed radius in pixels, EXR), mask "
+            "(what is within the depth of field, PNG), stack. The parameters are always written, as JSON.",
+            rich_help_panel=_OUTPUTS,
+        ),
+    ] = "picture",
+    suffix: Annotated[
+        str,
+        typer.Option("--format", help="Format of the pictures: exr, png, tiff...", rich_help_panel=_OUTPUTS),
+    ] = "exr",
+    dtype: options.SampleType = None,
+    slices: Annotated[
+        int,
+        typer.Option(
+            help="Pictures of the focal stack, evenly spaced in 1/distance from the nearest depth to the "
+            "farthest that is finite.",
+            rich_help_panel=_OUTPUTS,
+        ),
+    ] = 0,
+    sharp_radius_px: Annotated[
+        float,
+        typer.Option(
+            help="Largest radius of the circle of confusion within the depth of field.",
+            rich_help_panel=_OUTPUTS,
+        ),
+    ] = 0.5,
+    aperture_radius: options.ApertureRadius = None,
+    focus_distance: options.FocusDistance = None,
+    focus_at: options.FocusAt = None,
+    fov: options.Fov = None,
+    fov_axis: options.FovAxis = None,
+    focal_length_mm: options.FocalLength = None,
+    f_number: options.FNumber = None,
+    sensor_width_mm: options.SensorWidth = None,
+    lens_file: options.LensFile = None,
+    random_aperture_radius: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LOW,HIGH", help="Draw the radius of the opening for each frame.", rich_help_panel=_RANDOM
+        ),
+    ] = None,
+    random_f_number: Annotated[
+        str | None,
+        typer.Option(metavar="LOW,HIGH", help="Draw the f-number for each frame.", rich_help_panel=_RANDOM),
+    ] = None,
+    random_focus: Annotated[
+        bool,
+        typer.Option(
+            "--random-focus",
+            help="Focus each frame on a random pixel with finite depth.",
+            rich_help_panel=_RANDOM,
+        ),
+    ] = False,
+    seed: Annotated[
+        int,
+        typer.Option(
+            help="Another seed draws other lenses. What is drawn depends on it and the frame's name alone.",
+            rich_help_panel=_RANDOM,
+        ),
+    ] = 0,
+    blades: options.Blades = None,
+    rotation: options.Rotation = None,
+    preset: options.Preset = None,
+    depth_kind: options.DepthKind = None,
+    near: options.Near = None,
+    far: options.Far = None,
+    depth_scale: options.DepthScale = None,
+    depth_missing: options.DepthMissing = None,
+    depth_channel: options.DepthChannel = None,
+    invalid: options.Invalid = "raise",
+    layer: options.Layer = None,
+    transfer: options.Transfer = None,
+    alpha: options.Alpha = None,
+    method: options.Method = "lens",
+    method_options: options.MethodOptions = None,
+    device: options.Device = "auto",
+    overscan: options.Overscan = 0,
+    supersample: options.Supersample = 1,
+    threads: options.Threads = None,
+) -> int:
+    """Render many frames, and go on where an earlier run was stopped.
+
+    A picture and a depth map are a frame if their names are equal: their paths from COLOR and DEPTH (from the
+    first wildcard of a pattern) without suffix and without a first or last word such as rgb or depth. Files
+    without partner are listed first.
+
+    Each result has a JSON file beside it with all parameters. Frames that fail are listed in
+    OUTPUT/failures.jsonl, and the exit status is then 1.
+    """
+    from . import io
+    from .batch import Frame
+
+    rows = list(_rows(color, depth, manifest, output))
+    words, opening = options.read_settings(
+        lens_file,
+        {
+            "aperture_radius": aperture_radius,
+            "focus_distance": focus_distance,
+            "fov": fov,
+            "fov_axis": fov_axis,
+            "focal_length_mm": focal_length_mm,
+            "f_number": f_number,
+            "sensor_width_mm": sensor_width_mm,
+        },
+        {"blades": blades, "rotation": rotation},
+    )
+    ranges = {
+        name: options.read_numbers(f"--random-{name.replace('_', '-')}", text, float, "two numbers, LOW,HIGH")
+        for name, text in (("aperture_radius", random_aperture_radius), ("f_number", random_f_number))
+        if text is not None
+    }
+    if random_focus and focus_at is not None:
+        raise ValueError("--random-focus and --focus-at exclude each other")
+    pixel = options.read_pixel(focus_at) if focus_at is not None else None
+    suffix = "." + suffix.lower().removeprefix(".")
+    options.one_of("--format", suffix, io.SUFFIXES)
+    kind, depth_words = options.read_preset(preset, depth_kind, depth_scale, depth_missing)
+    reading = {
+        "layer": layer,
+        "depth_channel": depth_channel,
+        **depth_words,
+        "transfer": options.one_of("--transfer", transfer, io.TRANSFERS),
+        "alpha": options.one_of("--alpha", alpha, io.ALPHAS),
+    }
+    rendering = {
+        "method": method,
+        "device": device,
+        "depth_kind": kind,
+        "near": near,
+        "far": far,
+        "invalid": invalid,
+        "overscan": overscan,
+        "supersample": supersample,
+        "threads": threads if threads is not None else _threads_each(workers),
+        **options.read_method_options(method_options or []),
+        **({"aperture": dofsim.Aperture(**opening)} if opening else {}),
+    }
+    frames = []
+    for row in rows:
+        # Text seeds a generator by all of its letters, the same way everywhere.
+        random = Random(f"{seed} {row.name}")
+        drawn = {name: random.uniform(low, high) for name, (low, high) in ranges.items()}
+        focus = row.focus_at or (None if _has_focus(row.lens) else "random" if random_focus else pixel)
+        frame = Frame(
+            color=row.color,
+            depth=row.depth,
+            output=output / f"{row.name}{suffix}",
+            lens=words | drawn | row.lens,
+            focus_at=focus,
+            seed=random.getrandbits(63) if focus == "random" else 0,
+            reading=reading,
+            options=rendering,
+            dtype=options.one_of("--dtype", dtype, io.SAMPLE_TYPES),
+            outputs=tuple(outputs.split(",")),
+            slices=slices,
+            sharp_radius_px=sharp_radius_px,
+        )
+        try:
+            options.make_lens(frame.lens if focus is None else options.without_focus(frame.lens))
+        except ValueError as error:
+            raise ValueError(f"{row.color}: {error}" if row.lens else str(error)) from error
+        frames.append(frame)
+    _check_paths(frames)
+    _check_options(frames[0])
+    _remove_parts(frames)
+    return _run(frames, output, workers=workers, resume=resume)
+
+
+def _rows(color: str | None, depth: str | None, manifest: Path | None, output: Path) -> Iterator[Row]:
+    """Find the frames, and say which files are none."""
+    from .batch import Row, pair_files, read_manifest
+
+    if (color is None) == (manifest is None):
+        raise ValueError("give either COLOR (and DEPTH) or --manifest")
+    if manifest is not None:
+        yield from read_manifest(manifest)
+    elif color is not None:
+        found = pair_files(color, depth, exclude=output)
+        for path in found.unmatched:
+            print(f"dofsim: {path}: has no partner and is left out", file=sys.stderr)
+        for name, (picture, plane) in found.pairs.items():
+            yield Row(name=name, color=picture, depth=plane)
+
+
+def _has_focus(words: dict[str, Any]) -> bool:
+    return options.focus_word(words) in words
+
+
+def _threads_each(workers: int) -> int | None:
+    """Share the processors among the workers."""
+    return None if workers == 1 else max(1, (os.cpu_count() or 1) // workers)
+
+
+def _check_paths(frames: list[Frame]) -> None:
+    """Refuse frames that would write over each other or over an input of any of them."""
+    from .batch.pipeline import distinct
+
+    inputs = {path.resolve() for frame in frames for path in (frame.color, frame.depth) if path is not None}
+    for frame in distinct(frames):
+        for path in frame.files.values():
+            if path.resolve() in inputs:
+                raise ValueError(f"{path}: is one of the inputs, which are not overwritten")
+
+
+def _check_options(frame: Frame) -> None:
+    """Refuse what no picture could be rendered or written with, by rendering a small one."""
+    import numpy as np
+
+    from . import io
+    from .batch import work
+
+    if frame.dtype is not None and not io.holds(frame.output, frame.dtype):
+        raise ValueError(f"--dtype {frame.dtype}: {frame.output.suffix} files have no such samples")
+    # What is left of it has 16 pixels a side, and its depth is one in all units.
+    side = frame.options["supersample"] * (2 * frame.options["overscan"] + 16)
+    image = io.Image(np.ones((side, side, 3), np.float32), "linear", "none")
+    depth = np.full((side, side), 0.5, np.float32)
+    some_focus = replace(frame, focus_at="random" if frame.focus_at is not None else None)
+    work.render(work.Loaded(frame=some_focus, fingerprint="", image=image, depth=depth))
+
+
+def _remove_parts(frames: list[Frame]) -> None:
+    """Remove the unfinished files that a killed run has left of these frames."""
+    known = {path for frame in frames for path in (frame.record, *frame.files.values())}
+    for folder in {path.parent for path in known}:
+        for part in folder.glob(".*.part"):
+            match = re.fullmatch(r"\.(.+)\.\d+-\d+\.part", part.name)
+            if match and folder / match[1] in known:
+                part.unlink()
+
+
+def _run(frames: list[Frame], output: Path, *, workers: int, resume: bool) -> int:
+    """Work through the frames and return the exit status."""
+    from tqdm import tqdm
+
+    from .batch import map_frames
+
+    output.mkdir(parents=True, exist_ok=True)
+    failures = output / "failures.jsonl"
+    counts: Counter[str] = Counter()
+    start = time.perf_counter()
+    with (
+        _executor(workers) as executor,
+        # Only people are shown how it goes on, not files.
+        tqdm(total=len(frames), unit="frame", disable=None) as progress,
+    ):
+        for result in map_frames(
+            frames, executor=executor, in_flight=2 * workers, resume=resume, failures=failures
+        ):
+            counts[result.status] += 1
+            progress.update()
+            if result.error is not None:
+                tqdm.write(f"dofsim: {result.frame.output}: {result.error}", file=sys.stderr)
+    seconds = time.perf_counter() - start
+    print(
+        f"{output}: {counts['written']} written, {counts['skipped']} there already, "
+        f"{counts['failed']} failed in {seconds:.1f} s ({len(frames) / seconds:.1f} frames/s)"
+    )
+    if counts["failed"]:
+        print(f"{failures}: what failed, and why")
+    return 1 if counts["failed"] else 0
+
+
+@contextmanager
+def _executor(workers: int) -> Iterator[Executor | None]:
+    """Give this process itself for one worker, a pool of processes for more."""
+    if workers == 1:
+        yield None
+        return
+    from concurrent.futures import BrokenExecutor
+
+    from .batch.workers import process_pool
+
+    try:
+        with process_pool(workers) as pool:
+            yield pool
+    except BrokenExecutor as error:
+        raise OSError(
+            "a worker was killed, as happens when memory runs out; run again to go on, with fewer --workers"
+        ) from error

@@ -1,0 +1,98 @@
+"""Files that data sets come in and that dofsim only reads: Sintel's ``.dpt``, and HDF5."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _dofsim
+from ._arrays import StrPath
+
+# The number 202021.25 as a little-endian float, which begins Sintel's files of depth and of optical flow.
+_DPT_START = b"PIEH"
+_HDF5_START = b"\x89HDF"
+
+
+def file_kind(path: StrPath) -> str:
+    """Tell the format of a file from its first bytes, ``"dpt"`` and ``"hdf5"`` among them.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file.
+
+    Returns
+    -------
+    str
+        The suffix that such files have.
+
+    Raises
+    ------
+    ValueError
+        If it is of no kind that is read.
+    OSError
+        If it cannot be opened or read.
+    """
+    try:
+        return _dofsim.file_kind(path)
+    except ValueError:
+        start = _start(Path(path))
+        if start == _DPT_START:
+            return "dpt"
+        if start == _HDF5_START:
+            return "hdf5"
+        raise
+
+
+def _start(path: Path) -> bytes:
+    # A pipe would be waited for.
+    if not path.is_file():
+        return b""
+    with path.open("rb") as file:
+        return file.read(4)
+
+
+def read_dpt(path: StrPath) -> NDArray[np.float32]:
+    """Read a depth map of the MPI Sintel data set: a tag, the width, the height, and rows of floats."""
+    data = Path(path).read_bytes()
+    if len(data) < 12:
+        raise ValueError(f"{path}: damaged file: it ends too early")
+    width, height = (int(side) for side in np.frombuffer(data, "<i4", 2, offset=4))
+    size = 12 + 4 * width * height
+    if width <= 0 or height <= 0 or len(data) < size:
+        raise ValueError(f"{path}: damaged file: its header claims {width} x {height} pixels")
+    if len(data) > size:
+        raise ValueError(f"{path}: holds more than one float a pixel, as optical flow does; not a depth map")
+    return np.frombuffer(data, "<f4", offset=12).reshape(height, width).astype(np.float32)
+
+
+def read_hdf5(path: StrPath, name: str | None) -> NDArray[Any]:
+    """Read the data set called ``name``, or the only one at the top of an HDF5 file."""
+    try:
+        import h5py  # type: ignore[import-untyped, unused-ignore]
+    except ImportError as error:
+        raise ImportError("reading HDF5 needs h5py: pip install dofsim[hdf5]") from error
+    try:
+        with h5py.File(path, "r") as file:
+            names = [key for key in file if isinstance(file[key], h5py.Dataset)]
+            if name is None:
+                if len(names) != 1:
+                    raise ValueError(f"{path}: holds several data sets or none, name one: {', '.join(names)}")
+                name = names[0]
+            if not isinstance(file.get(name), h5py.Dataset):
+                raise ValueError(f"{path}: there is no data set {name!r}; data sets: {', '.join(names)}")
+            dataset = file[name]
+            claimed = math.prod(dataset.shape) * dataset.dtype.itemsize
+            # Chunks may be deflated, which no data survive by more than a factor of 1032.
+            if claimed > Path(path).stat().st_size * (1 if dataset.chunks is None else 1032):
+                raise ValueError(f"{path}: damaged file: it claims {claimed} bytes, which it cannot hold")
+            return np.asarray(dataset[()])
+    except (OSError, RuntimeError, KeyError) as error:
+        # The library's own errors have no number; those of the system do.
+        if isinstance(error, OSError) and error.errno is not None:
+            raise
+        raise ValueError(f"{path}: damaged file: {error}") from error

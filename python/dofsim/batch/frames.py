@@ -1,0 +1,123 @@
+"""What a frame is, and what is known of it afterwards: small records that travel between processes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from dofsim._save import SampleType
+
+Output = Literal["picture", "coc", "mask", "stack"]
+Status = Literal["written", "skipped", "failed"]
+
+OUTPUTS: tuple[Output, ...] = get_args(Output)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frame:
+    """One picture to be rendered: where it comes from, where it goes, and how.
+
+    Attributes
+    ----------
+    color : Path
+        File of the picture. Paths may be given as strings.
+    depth : Path, optional
+        File of the depth; without it the depth is in the file of the picture.
+    output : Path
+        File of the result. The others are named after it: ``a.exr`` has ``a.exr.json`` (the record),
+        ``a.coc.exr``, ``a.mask.png`` and ``a.focus-00.exr``, ``a.focus-01.exr`` and so on.
+    lens : mapping
+        The arguments of `dofsim.Lens`, of `Lens.from_camera` or of `Lens.from_disparity`, by name.
+    focus_at : tuple of int or "random", optional
+        Column and row of the pixel to focus on, in place of the lens's own focus; or any pixel with finite
+        depth, chosen by ``seed``.
+    seed : int
+        Chooses the pixel of ``focus_at="random"``.
+    reading : mapping
+        Arguments of `dofsim.io.read_rgbd` by name, and ``alpha`` in place of that of the file.
+    options : mapping
+        Arguments of `dofsim.render` by name, those of the method among them.
+    dtype : {"half", "float", "uint8", "uint16"}, optional
+        The samples of the result, as for `dofsim.io.write_image`.
+    outputs : tuple of {"picture", "coc", "mask", "stack"}
+        What to write: the picture, the signed radius of the circle of confusion in pixels of the depth map
+        (OpenEXR), which of these pixels are within the depth of field (PNG, white), and a focal stack.
+    sharp_radius_px : float
+        The largest radius of the circle of confusion that counts as within the depth of field.
+    slices : int
+        Pictures of the focal stack. Their distances are evenly spaced in disparity from the nearest to the
+        farthest finite depth of the frame.
+
+    Examples
+    --------
+    >>> from dofsim.batch import Frame
+    >>> lens = {"aperture_radius": 0.02, "focus_distance": 2.0, "fov": 40.0}
+    >>> frame = Frame(color="0001.exr", output="out/0001.exr", lens=lens)
+    >>> frame.record.as_posix()
+    'out/0001.exr.json'
+    """
+
+    color: Path
+    output: Path
+    lens: Mapping[str, Any]
+    depth: Path | None = None
+    focus_at: tuple[int, int] | Literal["random"] | None = None
+    seed: int = 0
+    reading: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
+    dtype: SampleType | None = None
+    outputs: tuple[Output, ...] = ("picture",)
+    sharp_radius_px: float = 0.5
+    slices: int = 0
+
+    def __post_init__(self) -> None:
+        """Turn paths into paths and refuse what no frame can be."""
+        for name in ("color", "output", "depth"):
+            if (path := getattr(self, name)) is not None:
+                object.__setattr__(self, name, Path(path))
+        object.__setattr__(self, "outputs", tuple(self.outputs))
+        if not self.outputs or not set(self.outputs) <= set(OUTPUTS):
+            raise ValueError(f"outputs must be some of {', '.join(OUTPUTS)}; got {self.outputs}")
+        if ("stack" in self.outputs) != (self.slices > 0):
+            raise ValueError(f"slices must be positive with a stack and 0 without; got {self.slices}")
+        if not self.sharp_radius_px > 0:
+            raise ValueError(f"sharp_radius_px must be positive; got {self.sharp_radius_px}")
+
+    @property
+    def record(self) -> Path:
+        """The file that says how the frame was made; when it is there, the frame is done."""
+        return self.output.with_name(self.output.name + ".json")
+
+    @property
+    def files(self) -> dict[str, Path]:
+        """The files to write, by what they hold; the slices of the stack are ``focus-00`` and so on."""
+        stem, suffix = self.output.stem, self.output.suffix
+        single = {"picture": self.output.name, "coc": f"{stem}.coc.exr", "mask": f"{stem}.mask.png"}
+        wanted: set[str] = set(self.outputs)
+        files = {name: file for name, file in single.items() if name in wanted}
+        files |= {f"focus-{index:02}": f"{stem}.focus-{index:02}{suffix}" for index in range(self.slices)}
+        return {name: self.output.with_name(file) for name, file in files.items()}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Result:
+    """What became of a frame.
+
+    Attributes
+    ----------
+    frame : Frame
+        The frame.
+    status : {"written", "skipped", "failed"}
+        Skipped frames were there already, made from the same inputs with the same parameters.
+    error : str, optional
+        What went wrong, if it failed.
+    seconds : float
+        Time spent rendering.
+    """
+
+    frame: Frame
+    status: Status
+    error: str | None = None
+    seconds: float = 0.0

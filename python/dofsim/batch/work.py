@@ -1,0 +1,259 @@
+"""One frame in three steps that can overlap with those of other frames: read, compute, write."""
+
+from __future__ import annotations
+
+import errno
+import random
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+import dofsim
+from dofsim import _options, io
+from dofsim._save import Alpha, SampleType
+
+from .frames import Frame, Result
+from .records import fingerprint, is_done, write_record
+
+T = TypeVar("T")
+
+_DEPTH_WORDS = ("depth_kind", "near", "far")
+_SCENE_WORDS = ("device", *_DEPTH_WORDS, "invalid", "overscan", "supersample")
+# No frame after it can be written either, so this ends the run.
+_DISK_FULL = {errno.ENOSPC, errno.EDQUOT}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Loaded:
+    """A frame that has been read."""
+
+    frame: Frame
+    fingerprint: str
+    image: io.Image
+    depth: NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Rendered:
+    """A frame that has been computed: the pixels of its files by what they hold, and what was chosen."""
+
+    frame: Frame
+    fingerprint: str
+    pixels: dict[str, NDArray[Any]]
+    alpha: Alpha
+    dtype: SampleType | None
+    found: dict[str, Any]
+    seconds: float
+
+
+def run(frame: Frame, resume: bool) -> Result:
+    """Do all of a frame.
+
+    Parameters
+    ----------
+    frame : Frame
+        The frame.
+    resume : bool
+        Whether to leave it alone if it is done.
+
+    Returns
+    -------
+    Result
+        What became of it.
+    """
+    return write(compute(read(frame, resume)))
+
+
+def read(frame: Frame, resume: bool) -> Loaded | Result:
+    """Read a frame, unless it is done."""
+    return _guarded(frame, lambda: _read(frame, resume))
+
+
+def compute(loaded: Loaded | Result) -> Rendered | Result:
+    """Compute a frame that could be read."""
+    if isinstance(loaded, Result):
+        return loaded
+    return _guarded(loaded.frame, lambda: render(loaded))
+
+
+def write(rendered: Rendered | Result) -> Result:
+    """Write a frame that could be computed."""
+    if isinstance(rendered, Result):
+        return rendered
+    return _guarded(rendered.frame, lambda: _write(rendered))
+
+
+def _guarded(frame: Frame, step: Callable[[], T]) -> T | Result:
+    try:
+        return step()
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno in _DISK_FULL:
+            raise OSError(error.errno, error.strerror, str(frame.output)) from error
+        if isinstance(error, OSError) and error.filename:
+            message = f"{error.filename}: {error.strerror}"
+        elif isinstance(error, MemoryError):
+            message = "not enough memory"
+        elif isinstance(error, (OSError, ValueError, TypeError, dofsim.DeviceError, ImportError)):
+            message = str(error)
+        else:
+            message = f"internal error: {type(error).__name__}: {error}"
+        return Result(frame=frame, status="failed", error=message)
+
+
+def _read(frame: Frame, resume: bool) -> Loaded | Result:
+    mark = fingerprint(frame)
+    if resume and is_done(frame, mark):
+        return Result(frame=frame, status="skipped")
+    words = dict(frame.reading)
+    alpha = words.pop("alpha", None)
+    rgbd = io.read_rgbd(frame.color, frame.depth, **words)
+    image = io.Image(rgbd.color, rgbd.transfer, rgbd.alpha)
+    return Loaded(
+        frame=frame,
+        fingerprint=mark,
+        image=replace(image, alpha=alpha) if alpha else image,
+        depth=rgbd.depth,
+    )
+
+
+def render(loaded: Loaded) -> Rendered:
+    """Compute a frame, and raise what is wrong with it.
+
+    Parameters
+    ----------
+    loaded : Loaded
+        The frame.
+
+    Returns
+    -------
+    Rendered
+        What is to be written.
+
+    Raises
+    ------
+    ValueError, TypeError, DeviceError
+        As `dofsim.render`.
+    """
+    frame, image, depth = loaded.frame, loaded.image, loaded.depth
+    kind = {name: frame.options[name] for name in _DEPTH_WORDS if name in frame.options}
+    found: dict[str, Any] = {}
+    words = dict(frame.lens)
+    if frame.focus_at is not None:
+        pixel = _any_pixel(depth, frame, kind) if frame.focus_at == "random" else frame.focus_at
+        words = _options.focused_words(words, pixel, depth, **kind)
+        found["focus_at"] = pixel
+    lens = _options.make_lens(words)
+    found["lens"] = words
+
+    start = time.perf_counter()
+    pixels: dict[str, NDArray[Any]] = {}
+    alpha: Alpha = "premultiplied" if image.alpha != "none" else "none"
+    lenses = {"picture": lens} if "picture" in frame.outputs else {}
+    if "stack" in frame.outputs:
+        slices = _stack(lens, depth, frame, kind)
+        found["stack"] = {name: _focus(one) for name, one in slices.items()}
+        lenses |= slices
+    if lenses:
+        scene_words = {name: value for name, value in frame.options.items() if name in _SCENE_WORDS}
+        render_words = {name: value for name, value in frame.options.items() if name not in _SCENE_WORDS}
+        scene = dofsim.Scene(image.to_linear(), depth, alpha=alpha, transfer="linear", **scene_words)
+        pixels |= {name: scene.render(one, **render_words) for name, one in lenses.items()}
+    if {"coc", "mask"} & set(frame.outputs):
+        radius = _coc(lens, depth, frame, kind)
+        sharp = np.abs(radius) <= frame.sharp_radius_px
+        maps = {"coc": radius, "mask": np.where(sharp, np.uint8(255), np.uint8(0))}
+        pixels |= {name: maps[name] for name in ("coc", "mask") if name in frame.outputs}
+
+    dtype = frame.dtype
+    if dtype is None and image.pixels.dtype == np.uint16 and io.holds(frame.output, "uint16"):
+        dtype = "uint16"
+    return Rendered(
+        frame=frame,
+        fingerprint=loaded.fingerprint,
+        pixels=pixels,
+        alpha=alpha,
+        dtype=dtype,
+        found=found,
+        seconds=time.perf_counter() - start,
+    )
+
+
+def _write(rendered: Rendered) -> Result:
+    frame = rendered.frame
+    inputs = {path.resolve() for path in (frame.color, frame.depth) if path is not None}
+    for path in frame.files.values():
+        if path.resolve() in inputs:
+            raise ValueError(f"{path}: is one of the inputs, which are not overwritten")
+    frame.output.parent.mkdir(parents=True, exist_ok=True)
+    # From here to the new record, the outputs may be of two kinds.
+    frame.record.unlink(missing_ok=True)
+    for name, path in frame.files.items():
+        pixels = rendered.pixels[name]
+        if name == "coc":
+            io.write_exr(path, {"coc": pixels})
+        elif name == "mask":
+            io.write_image(path, pixels)
+        else:
+            io.write_image(path, pixels, alpha=rendered.alpha, dtype=rendered.dtype)
+    write_record(frame, rendered.fingerprint, rendered.found)
+    return Result(frame=frame, status="written", seconds=rendered.seconds)
+
+
+def _any_pixel(depth: NDArray[np.float32], frame: Frame, kind: dict[str, Any]) -> tuple[int, int]:
+    """Choose among the pixels that can be focused on; the generator's numbers are the same everywhere."""
+    candidates = _focusable(depth, kind)
+    chosen = candidates[random.Random(frame.seed).randrange(candidates.size)]
+    y, x = divmod(int(chosen), depth.shape[1])
+    return x, y
+
+
+def _focusable(depth: NDArray[np.float32], kind: dict[str, Any]) -> NDArray[np.intp]:
+    """Find the pixels whose depth can be focused on, in the order of rows."""
+    if depth.ndim != 2:
+        raise ValueError(
+            "focus_at='random' and stack: the depth has layers, of which none is the one to focus on"
+        )
+    # Relative disparities may be negative. Zero and less is no depth of all other kinds.
+    found = np.flatnonzero(np.isfinite(depth) & ((depth > 0) | (kind.get("depth_kind") == "disparity")))
+    if found.size == 0:
+        raise ValueError("focus_at='random' and stack: no pixel has a finite depth to focus on")
+    return found
+
+
+def _coc(
+    lens: dofsim.Lens, depth: NDArray[np.float32], frame: Frame, kind: dict[str, Any]
+) -> NDArray[np.float32]:
+    if frame.options.get("overscan"):
+        raise ValueError("coc, mask and stack are of the whole depth map and go with overscan=0 alone")
+    return dofsim.coc(depth, lens, **kind, invalid=frame.options.get("invalid", "raise"))
+
+
+def _stack(
+    lens: dofsim.Lens, depth: NDArray[np.float32], frame: Frame, kind: dict[str, Any]
+) -> dict[str, dofsim.Lens]:
+    """Lenses focused from the nearest to the farthest depth, evenly spaced in disparity."""
+    pixels = _focusable(depth, kind)
+    # The radius grows with the distance, whatever the kind of depth.
+    radius = _coc(lens, depth, frame, kind).ravel()[pixels]
+    ends = [divmod(int(pixels[extreme]), depth.shape[1]) for extreme in (radius.argmin(), radius.argmax())]
+    near, far = (lens.focused_at(depth, x, y, **kind) for y, x in ends)
+    share = np.linspace(0.0, 1.0, frame.slices) if frame.slices > 1 else np.array([0.5])
+    if lens.focus is not None:
+        between = _focus(near) + share * (_focus(far) - _focus(near))
+        lenses = [lens.replace(focus=float(disparity)) for disparity in between]
+    else:
+        between = 1.0 / _focus(near) + share * (1.0 / _focus(far) - 1.0 / _focus(near))
+        # Disparity zero is the infinite distance.
+        with np.errstate(divide="ignore"):
+            lenses = [lens.replace(focus_distance=float(distance)) for distance in 1.0 / between]
+    return {f"focus-{index:02}": one for index, one in enumerate(lenses)}
+
+
+def _focus(lens: dofsim.Lens) -> float:
+    focus = lens.focus if lens.focus is not None else lens.focus_distance
+    assert focus is not None
+    return focus

@@ -1,0 +1,322 @@
+"""The `dofsim batch` command: which frames it finds, which lenses it draws, what it says and how it ends."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import dofsim
+import numpy as np
+import pytest
+from dofsim import io
+from dofsim.batch import read_manifest
+from dofsim.cli import run
+
+LENS = {"aperture_radius": 0.3, "focus_distance": 3.0, "fov": 40.0}
+LENS_OPTIONS = ["--aperture-radius", "0.3", "--focus-distance", "3", "--fov", "40"]
+HEIGHT, WIDTH = 40, 56
+COUNT = 50
+TRUNCATED, MISMATCHED, NAN = 7, 20, 33
+
+
+@pytest.fixture
+def data(tmp_path, monkeypatch):
+    """Go to a folder with a data set of which three frames are bad."""
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(8)
+    for folder in ("rgb", "depth"):
+        Path(folder).mkdir()
+    for index in range(COUNT):
+        color = rng.random((HEIGHT, WIDTH, 3), dtype=np.float32)
+        depth = rng.uniform(2, 9, (HEIGHT - (index == MISMATCHED), WIDTH))
+        io.write_image(f"rgb/{index:04}.exr", color)
+        io.write_depth(f"depth/{index:04}_depth.pfm", np.nan * depth if index == NAN else depth)
+    truncated = Path(f"rgb/{TRUNCATED:04}.exr")
+    truncated.write_bytes(truncated.read_bytes()[:1500])
+    return tmp_path
+
+
+@pytest.fixture
+def few(data):
+    """Leave four good frames of the data set."""
+    for path in [*data.glob("rgb/*"), *data.glob("depth/*")]:
+        if not path.name.startswith(("0000", "0001", "0002", "0003")):
+            path.unlink()
+
+
+def batch(*arguments):
+    return run(["batch", *(str(argument) for argument in arguments)])
+
+
+def contents(folder):
+    return {p.name: p.read_bytes() for p in Path(folder).iterdir() if p.name != "failures.jsonl"}
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_bad_frames_are_named_and_the_others_written(data, capsys, workers):
+    options = ["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--workers", workers]
+    assert batch(*options) == 1
+    out, err = capsys.readouterr()
+    assert "out: 47 written, 0 there already, 3 failed" in out
+    lines = [line for line in err.splitlines() if line.startswith("dofsim: ")]
+    assert [line.split(": ")[1] for line in lines] == ["out/0007.exr", "out/0020.exr", "out/0033.exr"]
+    assert len(list(Path("out").glob("*.exr"))) == 47
+    failures = [json.loads(line) for line in Path("out/failures.jsonl").read_text().splitlines()]
+    assert [Path(failure["output"]).stem for failure in failures] == ["0007", "0020", "0033"]
+    assert batch(*options) == 1
+    assert "0 written, 47 there already, 3 failed" in capsys.readouterr().out
+    assert batch(*options, "--no-resume") == 1
+    assert "47 written" in capsys.readouterr().out
+
+
+def test_workers_give_the_same_bits(few):
+    drawn = ["--random-aperture-radius", "0.1,0.5", "--random-focus", "--fov", "40", "--invalid", "far"]
+    assert batch("rgb", "depth", "-o", "one", *drawn) == 0
+    assert batch("rgb", "depth", "-o", "two", *drawn, "--workers", "2") == 0
+    assert contents("one") == contents("two")
+    assert len(contents("one")) == 8
+
+
+def test_a_frame_is_what_render_writes(few, capsys):
+    options = [
+        *LENS_OPTIONS,
+        "--method",
+        "hexagonal",
+        "--set",
+        "max_coc_px=9",
+        "--blades",
+        "4",
+        "--dtype",
+        "half",
+    ]
+    assert batch("rgb", "depth", "-o", "out", *options) == 0
+    assert run(["render", "rgb/0002.exr", "depth/0002_depth.pfm", "-o", "one.exr", *options]) == 0
+    assert Path("out/0002.exr").read_bytes() == Path("one.exr").read_bytes()
+    assert capsys.readouterr().err == ""
+
+
+def test_pictures_with_depth_and_files_without_partner(few, capsys):
+    color, depth = io.read_rgbd("rgb/0000.exr", "depth/0000_depth.pfm")
+    Path("both/a").mkdir(parents=True)
+    io.write_image("both/a/1.exr", color, depth=depth)
+    Path("both/notes.txt").touch()
+    assert batch("both", "-o", "both/out", *LENS_OPTIONS) == 0
+    np.testing.assert_array_equal(
+        io.read_color("both/out/a/1.exr").pixels, dofsim.render(color, depth, dofsim.Lens(**LENS))
+    )
+    # Results are no frames.
+    capsys.readouterr()
+    assert batch("both", "-o", "both/out", *LENS_OPTIONS) == 0
+    assert "0 written, 1 there already" in capsys.readouterr().out
+    Path("depth/0003_depth.pfm").unlink()
+    assert batch("rgb", "depth", "-o", "out", *LENS_OPTIONS) == 0
+    out, err = capsys.readouterr()
+    assert err == "dofsim: rgb/0003.exr: has no partner and is left out\n"
+    assert "3 written" in out
+
+
+def test_random_lenses_are_in_range_recorded_and_seeded(few):
+    def lenses(folder, *extra):
+        options = ["--focal-length-mm", "50", "--random-f-number", "1.4,8", "--random-focus", *extra]
+        assert batch("rgb", "depth", "-o", folder, *options) == 0
+        records = [json.loads(path.read_text()) for path in sorted(Path(folder).glob("*.json"))]
+        return [(one["lens"]["f_number"], tuple(one["focus_at"])) for one in records], records
+
+    first, records = lenses("a")
+    assert len(set(first)) == 4
+    assert all(1.4 <= f_number <= 8 for f_number, _ in first)
+    for index, record in enumerate(records):
+        x, y = record["focus_at"]
+        depth = io.read_depth(f"depth/{index:04}_depth.pfm")
+        assert record["lens"]["focus_distance"] == pytest.approx(depth[y, x])
+    assert lenses("b")[0] == first
+    assert not set(lenses("c", "--seed", "1")[0]) & set(first)
+    # What is drawn for a frame does not depend on the others.
+    Path("rgb/0000.exr").unlink()
+    assert lenses("d")[0] == first[1:]
+
+
+def test_every_output(few):
+    flags = [
+        "--outputs",
+        "picture,coc,mask,stack",
+        "--slices",
+        "2",
+        "--sharp-radius-px",
+        "1.5",
+        "--format",
+        "png",
+    ]
+    assert batch("rgb", "depth", "-o", "out", *LENS_OPTIONS, *flags) == 0
+    names = {path.name for path in Path("out").glob("0001*")}
+    ends = {"png", "png.json", "coc.exr", "mask.png", "focus-00.png", "focus-01.png"}
+    assert names == {f"0001.{end}" for end in ends}
+    radius = dofsim.coc(io.read_depth("depth/0001_depth.pfm"), dofsim.Lens(**LENS))
+    mask = io.read_color("out/0001.mask.png").pixels
+    np.testing.assert_array_equal(mask == 255, np.abs(radius) <= 1.5)
+    assert 0 < np.count_nonzero(mask) < mask.size
+
+
+# Manifests
+
+
+@pytest.mark.parametrize("kind", ["csv", "jsonl"])
+def test_a_manifest_has_a_lens_for_each_frame(few, kind):
+    Path("lists").mkdir()
+    if kind == "csv":
+        text = (
+            "color,depth,output,focus_distance,focus_at\n"
+            "../rgb/0000.exr,../depth/0000_depth.pfm,a/b,4.0,\n"
+            '../rgb/0001.exr,../depth/0001_depth.pfm,,,"5,6"\n'
+            "../rgb/0002.exr,../depth/0002_depth.pfm,,,\n"
+        )
+    else:
+        rows = [
+            {
+                "color": "../rgb/0000.exr",
+                "depth": "../depth/0000_depth.pfm",
+                "output": "a/b",
+                "focus_distance": 4,
+            },
+            {"color": "../rgb/0001.exr", "depth": "../depth/0001_depth.pfm", "focus_at": [5, 6], "fov": None},
+            {"color": "../rgb/0002.exr", "depth": "../depth/0002_depth.pfm"},
+        ]
+        text = "\n".join(json.dumps(row) for row in rows) + "\n\n"
+    Path(f"lists/frames.{kind}").write_text(text)
+    assert batch("--manifest", f"lists/frames.{kind}", "-o", "out", *LENS_OPTIONS) == 0
+    lens = dofsim.Lens(**LENS)
+    depths = [io.read_depth(f"depth/{index:04}_depth.pfm") for index in range(3)]
+    lenses = [lens.replace(focus_distance=4.0), lens.focused_at(depths[1], 5, 6), lens]
+    for index, name in enumerate(["a/b", "0001", "0002"]):
+        color = io.read_color(f"rgb/{index:04}.exr").pixels
+        expected = dofsim.render(color, depths[index], lenses[index])
+        np.testing.assert_array_equal(io.read_color(f"out/{name}.exr").pixels, expected)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("a.csv", "color,colour\na.png,b.png\n", r"a\.csv, line 2: colour is not one of"),
+        ("a.csv", "color\na.png,b.png\n", "line 2: None is not one of"),
+        ("a.csv", "color,f_number\na.png,\nb.png,wide\n", "line 3: f_number must be a number; got 'wide'"),
+        ("a.csv", "color,focus_at\na.png,5\n", "line 2: --focus-at takes a column and a row"),
+        ("a.csv", "color,output\na.png,../b\n", "line 2: output must be within"),
+        ("a.csv", "depth\na.png\n", "line 2: color is missing"),
+        ("a.csv", "color\n", "there is no frame"),
+        ("a.csv", b"color\n\xff\n", "not a text file"),
+        ("a.jsonl", '{"color": "a.png"}\n{"color"\n', r"a\.jsonl, line 2: "),
+        ("a.jsonl", "[]\n", "line 1: expected an object"),
+        ("a.jsonl", '{"color": 3}\n', "line 1: "),
+        ("a.jsonl", b"\xff\n", "not a text file"),
+        ("a.txt", "", "a manifest is a .csv or a .jsonl file"),
+    ],
+)
+def test_manifests_that_are_none(tmp_path, name, text, message):
+    path = tmp_path / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(ValueError, match=message):
+        read_manifest(path)
+
+
+# Refusals, before any work
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["-o", "out"], "give either COLOR"),
+        (["rgb", "--manifest", "a.csv", "-o", "out"], "give either COLOR"),
+        (["nowhere", "-o", "out"], "nowhere: No such file or directory"),
+        (["rgb", "depth", "-o", "rgb", *LENS_OPTIONS], "is one of the inputs"),
+        (["rgb", "depth", "-o", "out"], "the lens is not complete"),
+        (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--random-f-number", "1,2"], "has no --"),
+        (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--random-aperture-radius", "1"], "LOW,HIGH"),
+        (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--random-focus", "--focus-at", "1,1"], "exclude"),
+        (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--format", "gif"], "--format takes .exr"),
+        (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--outputs", "photo"], "outputs must be some of"),
+        (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--workers", "0"], "--workers"),
+        (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--method", "lense"], 'got "lense"'),
+        (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--set", "taps=3"], "taps"),
+        (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--preset", "mitsuba"], "near"),
+        (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--outputs", "coc", "--overscan", "2"], "overscan=0"),
+        (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--format", "png", "--dtype", "half"], "--dtype half"),
+    ],
+)
+def test_refusals(few, capsys, arguments, message):
+    assert batch(*arguments) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("dofsim: ")
+    assert message in err
+    assert not Path("out").exists()
+
+
+# The end of a run
+
+
+def start(*arguments):
+    command = [sys.executable, "-c", "from dofsim.cli import main; main()", "batch", *arguments]
+    return subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+
+
+def wait_for(condition):
+    deadline = time.monotonic() + 30
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+
+
+def records():
+    return len(list(Path("out").glob("*.json")))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are sent the POSIX way")
+@pytest.mark.parametrize("workers", ["1", "2"])
+def test_ctrl_c_ends_cleanly_and_the_next_run_resumes(data, capsys, workers):
+    arguments = ["rgb", "depth", *LENS_OPTIONS, "--set", "views=1024", "--workers", workers]
+    child = start(*arguments, "-o", "out")
+    wait_for(lambda: records() >= 2)
+    # As a terminal does: to all of its processes.
+    os.killpg(child.pid, signal.SIGINT)
+    _, err = child.communicate(timeout=20)
+    assert child.returncode == 1
+    assert err.splitlines()[-1] == "dofsim: interrupted"
+    assert "Traceback" not in err
+    done = records()
+    assert 2 <= done < 47
+    assert not list(Path("out").glob(".*"))
+    assert batch(*arguments, "-o", "out") == 1
+    assert f"{47 - done} written, {done} there already, 3 failed" in capsys.readouterr().out
+
+
+def test_a_worker_that_was_killed_is_told_of(few, capsys, monkeypatch):
+    def map_frames(*_, executor, **__):
+        yield executor.submit(os._exit, 1).result()
+
+    monkeypatch.setattr("dofsim.batch.map_frames", map_frames)
+    assert batch("rgb", "depth", "-o", "out", *LENS_OPTIONS, "--workers", "2") == 1
+    assert capsys.readouterr().err.startswith("dofsim: a worker was killed")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are sent the POSIX way")
+def test_workers_end_with_a_killed_run_and_its_unfinished_files_go(data, capsys):
+    arguments = ["rgb", "depth", *LENS_OPTIONS, "--workers", "2"]
+    child = start(*arguments, "-o", "out")
+    wait_for(lambda: records() >= 2)
+    child.kill()
+    # The workers hold the other ends of these pipes.
+    child.communicate(timeout=20)
+    left = Path("out/.0040.exr.123-4.part")
+    left.touch()
+    other = Path("out/.0099.exr.123-4.part")
+    other.touch()
+    done = records()
+    assert batch(*arguments, "-o", "out") == 1
+    assert f"{47 - done} written, {done} there already" in capsys.readouterr().out
+    assert not left.exists()
+    assert other.exists()
