@@ -13,6 +13,7 @@ import resource
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import cv2
 import dofsim
@@ -49,12 +50,28 @@ def planes() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     return color, depth
 
 
-def lens_of(largest_px: float) -> dofsim.Lens:
-    """Give the lens whose largest circle of confusion over the picture has this radius."""
+def traced(name: str) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Make the picture from a scene of the fidelity table, three times its size, cut and mirrored."""
+    sys.path.insert(0, str(Path(__file__).parents[1]))
+    from scenes.bundle import load_bundle
+
+    bundle = load_bundle(name, 512, 384)
+
+    def full(plane: NDArray[np.float32]) -> NDArray[np.float32]:
+        cut = plane[:HEIGHT]
+        return np.ascontiguousarray(np.concatenate([cut, cut[:, ::-1]], axis=1)[:, :WIDTH])
+
+    return full(bundle["color_ss3"]), full(bundle["depth_ss3"])
+
+
+def lens_of(largest_px: float, depth: NDArray[np.float32] | None = None) -> dofsim.Lens:
+    """Give the lens whose largest circle of confusion over a picture has this radius; the planes' if none."""
+    if depth is None:
+        # A row as wide as the picture.
+        depth = np.resize(np.array(DEPTHS_M, np.float32), (1, WIDTH))
     lens = dofsim.Lens(aperture_radius=0.01, focus_distance=FOCUS_M, fov=FOV_DEG)
-    reached = np.abs(dofsim.coc(np.array([DEPTHS_M], np.float32), lens)).max()
-    # A row of that many pixels is all that `coc` knew of the picture's width.
-    return lens.replace(aperture_radius=0.01 * largest_px / float(reached) * len(DEPTHS_M) / WIDTH)
+    reached = float(np.abs(dofsim.coc(depth, lens)).max())
+    return lens.replace(aperture_radius=0.01 * largest_px / reached)
 
 
 def disc(radius: float) -> NDArray[np.float32]:
@@ -86,11 +103,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--runs", type=int, default=3, help="the best of so many is taken")
     parser.add_argument("--threads", type=int, help="threads of both; all by default")
+    parser.add_argument(
+        "--scene", help="a scene of tests/fidelity.py in place of the planes; may need Mitsuba"
+    )
     arguments = parser.parse_args()
     threads = arguments.threads or cv2.getNumThreads()
     cv2.setNumThreads(threads)
     numba.set_num_threads(threads)
-    color, depth = planes()
+    color, depth = traced(arguments.scene) if arguments.scene else planes()
     before = peak_mib()
     megapixels = WIDTH * HEIGHT / 1e6
     print(f"{WIDTH} x {HEIGHT}, {threads} threads, best of {arguments.runs}")
@@ -99,7 +119,7 @@ def main() -> None:
         f"{'plain gather':>16}{'ratio':>8}{'one disc':>12}{'ratio':>8}"
     )
     for largest in LARGEST_COC_PX:
-        lens = lens_of(largest)
+        lens = lens_of(largest, depth)
 
         def render(lens: dofsim.Lens = lens) -> object:
             return dofsim.render(color, depth, lens, threads=threads)
