@@ -175,7 +175,7 @@ mod tests {
         let plan = |range, coc| Plan::new(&Settings::new(range, coc).unwrap(), &optics);
         assert_eq!([0.5, 0.25, 1.0, 0.0].map(|d| plan(Some(4.0), None).blurriness(d)), [0.0, 0.5, 0.25, 1.0]);
         assert_eq!([0.5, 0.0, 1.0, 9.0].map(|d| plan(None, None).blurriness(d)), [0.0, 0.25, 0.25, 1.0]);
-        assert_eq!(plan(None, Some(6.0)).blurriness(0.75), 1.0);
+        assert_eq!(plan(None, Some(3.0)).blurriness(0.75), 1.0);
     }
 
     #[test]

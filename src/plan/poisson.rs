@@ -317,7 +317,7 @@ mod tests {
     #[test]
     fn blurriness_is_the_circle_over_the_largest() {
         let pattern = Pattern::of(&[[1.0, 0.0, 1.0]]).unwrap();
-        let settings = Settings::new(pattern, 8.0, LeakTest::On).unwrap();
+        let settings = Settings::new(pattern, 4.0, LeakTest::On).unwrap();
         let plan = Plan::new(&settings, &Optics { k: 4.0, d_focus: 1.0 });
         assert_eq!([1.0, 1.5, 0.5, 3.0, -3.0].map(|d| plan.blurriness(d)), [0.0, 0.5, 0.5, 1.0, 1.0]);
         assert_eq!([1.0, 1.5, 0.5, 3.0, -3.0].map(|d| plan.scale_px(d)), [0.0, 2.0, -2.0, 4.0, -4.0]);
