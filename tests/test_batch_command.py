@@ -278,7 +278,8 @@ def records():
 @pytest.mark.skipif(os.name != "posix", reason="signals are sent the POSIX way")
 @pytest.mark.parametrize("workers", ["1", "2"])
 def test_ctrl_c_ends_cleanly_and_the_next_run_resumes(data, capsys, workers):
-    arguments = ["rgb", "depth", *LENS_OPTIONS, "--set", "views=1024", "--workers", workers]
+    # Views enough that 50 frames take seconds on any machine.
+    arguments = ["rgb", "depth", *LENS_OPTIONS, "--set", "views=8192", "--workers", workers]
     child = start(*arguments, "-o", "out")
     wait_for(lambda: records() >= 2)
     # As a terminal does: to all of its processes.
