@@ -33,23 +33,28 @@ pub struct Layer {
 impl Layer {
     /// The least and the greatest disparity.
     pub fn disparity_range(&self) -> [f32; 2] {
-        const LANES: usize = 16;
-        let of = |values: &[f32]| {
-            let (mut least, mut greatest) = ([f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]);
-            for values in values.chunks(LANES) {
-                for ((least, greatest), v) in least.iter_mut().zip(&mut greatest).zip(values) {
-                    *least = if v < least { *v } else { *least };
-                    *greatest = if v > greatest { *v } else { *greatest };
-                }
-            }
-            [
-                least.into_iter().fold(f32::INFINITY, f32::min),
-                greatest.into_iter().fold(f32::NEG_INFINITY, f32::max),
-            ]
-        };
-        let both = |a: [f32; 2], b: [f32; 2]| [a[0].min(b[0]), a[1].max(b[1])];
-        self.disparity.par_chunks(1 << 14).map(of).reduce(|| of(&[]), both)
+        range(&self.disparity)
     }
+}
+
+/// The least and the greatest of some values, NaN left out; where there is none, infinity and its negative.
+pub fn range(values: &[f32]) -> [f32; 2] {
+    const LANES: usize = 16;
+    let of = |values: &[f32]| {
+        let (mut least, mut greatest) = ([f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]);
+        for values in values.chunks(LANES) {
+            for ((least, greatest), v) in least.iter_mut().zip(&mut greatest).zip(values) {
+                *least = if v < least { *v } else { *least };
+                *greatest = if v > greatest { *v } else { *greatest };
+            }
+        }
+        [
+            least.into_iter().fold(f32::INFINITY, f32::min),
+            greatest.into_iter().fold(f32::NEG_INFINITY, f32::max),
+        ]
+    };
+    let both = |a: [f32; 2], b: [f32; 2]| [a[0].min(b[0]), a[1].max(b[1])];
+    values.par_chunks(1 << 14).map(of).reduce(|| of(&[]), both)
 }
 
 /// Colour and disparity in layers, front to back, of one size.
@@ -59,4 +64,20 @@ pub struct Picture {
     pub size: Size,
     /// One layer, or several whose last channel is coverage.
     pub layers: Vec<Layer>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_leave_out_what_is_none() {
+        let mut values: Vec<f32> = (0..40_000).map(|i| ((i * 7919) % 40_000) as f32 - 5.0).collect();
+        values[3] = f32::NAN;
+        values[39_999] = f32::NAN;
+        let plain = values.iter().copied().filter(|v| !v.is_nan());
+        let expected = plain.fold((f32::MAX, f32::MIN), |(lo, hi), v| (lo.min(v), hi.max(v)));
+        assert_eq!(range(&values), [expected.0, expected.1]);
+        assert_eq!(range(&[f32::NAN]), [f32::INFINITY, f32::NEG_INFINITY]);
+    }
 }

@@ -339,6 +339,6 @@ fn composite<const C: usize>(input: &Input, blurred: &Blurred, y: usize, out: &m
                 colors[c][k] = mix(sharp[k], colors[c][k], blurriness[k]);
             }
         }
-        interleave(&colors, out);
+        interleave(colors.each_ref(), out);
     }
 }

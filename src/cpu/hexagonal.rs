@@ -6,6 +6,7 @@ use super::simd::Simd;
 use super::tiles::{self, Tile};
 use crate::cancel::Cancel;
 use crate::error::Result;
+use crate::memory;
 use crate::optics::Optics;
 use crate::picture::{Layer, Size};
 use crate::plan::hexagonal::{Margin, Plan, Settings, Tap};
@@ -33,7 +34,7 @@ pub fn render(
     let reach_px = layer.disparity_range().map(|d| frame.coc(d).abs()).into_iter().fold(0.0, f32::max);
     frame.tile = tile_size(reach_px);
     let plan = Plan::new(settings, f64::from(reach_px));
-    let mut out = vec![0.0f32; size.pixels() * size.channels];
+    let mut out = memory::zeros(size.pixels() * size.channels);
     tiles::split(&mut out, size, frame.tile).par_iter_mut().try_for_each_init(
         || Field::new(&plan, &frame),
         |field, tile| {

@@ -359,7 +359,7 @@ fn row<const C: usize>(plan: &Plan, window: &Window, extremes: &Extremes, y: usi
         } else {
             average::<C>(plan, window, at, &scale_px, extremes.leak_test(plan, i * BLOCK, disparity))
         };
-        interleave(&blurred, out);
+        interleave(blurred.each_ref(), out);
     }
 }
 

@@ -1,6 +1,5 @@
 //! Work on the rows of an interleaved picture, in parallel and interruptible.
 
-use super::border::BLOCK;
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::memory;
@@ -49,14 +48,24 @@ pub fn mix(a: f32, b: f32, fraction: f32) -> f32 {
     a + fraction * (b - a)
 }
 
-/// Puts the first pixels of a block of planes into an interleaved row.
+/// Puts the first pixels of a row of planes into an interleaved row, as many as that has.
 #[inline(always)]
-pub fn interleave<const C: usize>(planes: &[[f32; BLOCK]; C], out: &mut [f32]) {
+pub fn interleave<const C: usize, const N: usize>(planes: [&[f32; N]; C], out: &mut [f32]) {
     for (x, pixel) in out.chunks_exact_mut(C).enumerate() {
         for c in 0..C {
             pixel[c] = planes[c][x];
         }
     }
+}
+
+/// Several planes cut into bands of `len` values, side by side.
+pub fn bands<'a>(planes: impl Iterator<Item = &'a mut [f32]>, len: usize) -> Vec<Vec<&'a mut [f32]>> {
+    let mut bands = Vec::new();
+    for plane in planes {
+        bands.resize_with(plane.len().div_ceil(len), Vec::new);
+        plane.chunks_mut(len).zip(&mut bands).for_each(|(piece, band)| band.push(piece));
+    }
+    bands
 }
 
 /// Calls a function that is generic over the number of channels.

@@ -85,7 +85,7 @@ fn row<const C: usize>(plan: &Plan, window: &Window, y: usize, out: &mut [f32]) 
         let centre: [[f32; BLOCK]; C] = window.blocks(at);
         let centre_blur = block(window.plane(C), at);
         if *centre_blur == [0.0; BLOCK] {
-            interleave(&centre, out);
+            interleave(centre.each_ref(), out);
             continue;
         }
         let mut sum = [[0.0f32; BLOCK]; C];
@@ -104,6 +104,6 @@ fn row<const C: usize>(plan: &Plan, window: &Window, y: usize, out: &mut [f32]) 
                 sum[c][x] = centre[c][x] + plan.share * sum[c][x];
             }
         }
-        interleave(&sum, out);
+        interleave(sum.each_ref(), out);
     }
 }

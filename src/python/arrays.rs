@@ -3,7 +3,7 @@
 use super::errors::choice;
 use super::run::{installed, simd};
 use crate::color::{Sample, Transfer};
-use crate::cpu::rows::with_channels;
+use crate::cpu::rows::{bands, with_channels};
 use crate::cpu::simd::Simd;
 use crate::depth::{DepthKind, Invalid, disparity_plane};
 use crate::memory;
@@ -194,11 +194,7 @@ fn in_order<T: Sample, R>(view: &ArrayViewD<'_, T>, read: impl FnOnce(&[T]) -> R
 /// Takes one layer of interleaved colour apart into planes; also whether all of it is finite.
 fn color_planes<T: Sample>(samples: &[T], size: Size, transfer: Transfer, simd: Simd) -> (Vec<f32>, bool) {
     let mut planes = memory::zeros(size.pixels() * size.channels);
-    let mut rows: Vec<Vec<&mut [f32]>> =
-        (0..size.height).map(|_| Vec::with_capacity(size.channels)).collect();
-    for plane in planes.chunks_mut(size.pixels()) {
-        plane.chunks_mut(size.width).zip(&mut rows).for_each(|(row, rows)| rows.push(row));
-    }
+    let mut rows = bands(planes.chunks_mut(size.pixels()), size.width);
     let samples = samples.par_chunks(size.width * size.channels);
     let finite = rows.par_iter_mut().zip(samples).map(|(rows, samples)| {
         simd.run(

@@ -6,7 +6,7 @@
 use super::sheets::Sheet;
 use super::surfaces::{CONNECTED_PX, DOWN, EDGE, RIGHT};
 use crate::cpu::simd::Simd;
-use crate::picture::Size;
+use crate::picture::{Size, range};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -53,10 +53,8 @@ impl Codes {
 
 /// Least and greatest shift of all cells.
 pub fn shift_range(sheets: &[Sheet]) -> (f64, f64) {
-    let all = sheets.par_iter().flat_map(|sheet| sheet.s.par_iter()).filter(|s| !s.is_nan());
-    let (min, max) = all
-        .map(|&s| (s, s))
-        .reduce(|| (f32::INFINITY, f32::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)));
+    let ranges = sheets.iter().map(|sheet| range(&sheet.s));
+    let [min, max] = ranges.fold(range(&[]), |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
     if min <= max { (f64::from(min), f64::from(max)) } else { (0.0, 0.0) }
 }
 

@@ -6,7 +6,7 @@
 use super::blocks::BLOCK;
 use super::colors::{Colors, Own};
 use super::kernels::{self, Kernels};
-use super::pack::{Packed, TILE};
+use super::pack::{self, Packed, TILE};
 use super::sheets::Sheets;
 use super::sweep::TileColor;
 use super::tiles::{IN_FOCUS_PX, Tile};
@@ -218,7 +218,9 @@ pub fn extract(
                 hidden_in_part: false,
             }));
         }
-        *colors = colors.with(dimmed);
+        if !dimmed.is_empty() {
+            *colors = colors.with(dimmed);
+        }
     }
     highlights.par_iter_mut().for_each(|h| h.hidden_in_part = h.may_be_hidden(packed, s_focus));
     highlights
@@ -227,15 +229,10 @@ pub fn extract(
 /// A pixel and those of its mirror images whose discs reach into the frame, in padded coordinates.
 fn images(packed: &Packed, index: usize, t: f64) -> impl Iterator<Item = (i32, i32)> {
     let padding = packed.padding;
+    let reach = t.abs().ceil() as usize + 1;
     let along = move |i: usize, n: usize| {
-        let (i, n, pad) = (i as i32, n as i32, padding.pad as i32);
-        let reach = t.abs().ceil() as i32 + 1;
-        // The picture repeats with period 2 n; each period holds the pixel and its mirror image.
-        let periods = (reach / (2 * n)) + 1;
-        (-periods..=periods)
-            .flat_map(move |p| [2 * n * p + i, 2 * n * p - 1 - i])
-            .filter(move |v| *v > -reach && *v < n + reach)
-            .map(move |v| v + pad)
+        pack::images(i, n, reach - 1, n + 2 * reach - 1)
+            .map(move |(at, _)| (at + padding.pad + 1 - reach) as i32)
     };
     let (x, y) = (index % padding.width, index / padding.width);
     along(y, padding.height).flat_map(move |y| along(x, padding.width).map(move |x| (x, y)))

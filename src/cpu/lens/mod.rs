@@ -23,7 +23,7 @@ pub use sheets::Sheets;
 
 use crate::aperture::Aperture;
 use crate::cancel::Cancel;
-use crate::cpu::rows::with_channels;
+use crate::cpu::rows::{interleave, with_channels};
 use crate::cpu::simd::Simd;
 use crate::cpu::tiles::split;
 use crate::error::{Result, value_error};
@@ -55,8 +55,9 @@ pub struct Settings {
 
 /// Refuses lenses whose circles of confusion are beyond reason.
 pub fn check_radius(picture: &Picture, optics: &Optics) -> Result<()> {
-    let disparities = || picture.layers.par_iter().flat_map(|l| l.disparity.par_iter());
-    let radius = disparities().map(|&d| optics.shift_px(f64::from(d)).abs()).reduce(|| 0.0, f64::max);
+    // The shift is linear in disparity, so that it is largest at one end.
+    let ends = picture.layers.iter().flat_map(|layer| layer.disparity_range());
+    let radius = ends.map(|d| optics.shift_px(f64::from(d)).abs()).fold(0.0, f64::max);
     if radius.is_nan() || radius > MAX_RADIUS_PX {
         return Err(value_error!(
             "lens: the largest circle of confusion would have a radius of {radius:.0} px; at most \
@@ -151,7 +152,7 @@ pub fn render(
             }
             highlights.draw(&scene, i, tile.origin, color);
             for (y, row) in slot.rows.iter_mut().enumerate() {
-                with_channels!(size.channels, C => color.interleave::<C>(y, row));
+                with_channels!(size.channels, C => interleave(color.row::<C>(y), row));
             }
             Ok(())
         },

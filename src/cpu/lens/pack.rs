@@ -7,6 +7,7 @@ use super::colors::Colors;
 use super::footprint::{self, Footprint};
 use super::sheets::{Sheet, Sheets};
 use crate::cpu::border::mirrored;
+use crate::cpu::rows::bands;
 use crate::cpu::simd::Simd;
 use crate::memory;
 use crate::picture::Size;
@@ -68,7 +69,7 @@ impl Padding {
 }
 
 /// The places that show `i` when `n` are extended by `pad` before and up to `extent` in all.
-fn images(i: usize, n: usize, pad: usize, extent: usize) -> impl Iterator<Item = (usize, bool)> {
+pub fn images(i: usize, n: usize, pad: usize, extent: usize) -> impl Iterator<Item = (usize, bool)> {
     // The extension repeats with period 2 n; each period holds the place and its mirror image.
     let (i, n, pad) = (i as i64, n as i64, pad as i64);
     let first = -(pad / (2 * n)) - 1;
@@ -390,16 +391,6 @@ impl PackedSheet {
             }
         }
     }
-}
-
-/// Several planes cut into bands of `len` values, side by side.
-fn bands<'a>(planes: impl Iterator<Item = &'a mut [f32]>, len: usize) -> Vec<Vec<&'a mut [f32]>> {
-    let mut bands = Vec::new();
-    for plane in planes {
-        bands.resize_with(plane.len().div_ceil(len), Vec::new);
-        plane.chunks_mut(len).zip(&mut bands).for_each(|(piece, band)| band.push(piece));
-    }
-    bands
 }
 
 #[cfg(test)]

@@ -146,14 +146,10 @@ impl TileColor {
         TileColor { planes: vec![vec![0.0; TILE.0 * TILE.1]; channels] }
     }
 
-    /// Writes row `y` out, as many pixels as there are.
-    pub fn interleave<const C: usize>(&self, y: usize, out: &mut [f32]) {
-        let rows: [&[f32]; C] = std::array::from_fn(|c| &self.planes[c][y * TILE.0..][..TILE.0]);
-        for (x, pixel) in out.chunks_exact_mut(C).enumerate() {
-            for c in 0..C {
-                pixel[c] = rows[c][x];
-            }
-        }
+    /// Row `y` of every channel.
+    pub fn row<const C: usize>(&self, y: usize) -> [&[f32; TILE.0]; C] {
+        let row = |c: usize| self.planes[c][y * TILE.0..].first_chunk();
+        std::array::from_fn(|c| row(c).expect("planes hold whole tiles"))
     }
 }
 
