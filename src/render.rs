@@ -3,10 +3,11 @@
 use crate::cancel::Cancel;
 use crate::cpu::lens::Sheets;
 use crate::cpu::simd::Simd;
+use crate::device::{Device, Place};
 use crate::error::{Result, value_error};
 use crate::optics::{Lens, Optics};
 use crate::picture::Picture;
-use crate::{cpu, plan};
+use crate::{cpu, gpu, plan};
 use std::sync::{Arc, Mutex};
 
 /// How to compute: each method with its own settings.
@@ -42,6 +43,11 @@ impl Method {
         }
     }
 
+    /// The name users give it.
+    pub fn name(&self) -> &'static str {
+        self.describe().0
+    }
+
     /// Refuses pictures and lenses that the method cannot work with.
     pub fn check(&self, lens: &Lens, layers: usize) -> Result<()> {
         let (name, metric_option) = self.describe();
@@ -67,12 +73,14 @@ pub struct Scene {
     supersample: usize,
     /// The sheets last used, with the lens strength they were made for.
     sheets: Mutex<Option<(f64, Arc<Sheets>)>>,
+    /// The picture on the device last used.
+    residence: gpu::Residence,
 }
 
 impl Scene {
     /// A scene of a picture whose width and height are multiples of `supersample`.
     pub fn new(picture: Picture, supersample: usize) -> Scene {
-        Scene { picture, supersample, sheets: Mutex::new(None) }
+        Scene { picture, supersample, sheets: Mutex::new(None), residence: gpu::Residence::default() }
     }
 
     /// The sheets for this lens, made anew if those at hand are for another strength.
@@ -94,9 +102,30 @@ impl Scene {
 
     /// The scene through a lens, interleaved, premultiplied where it has coverage. The method has been
     /// [checked](Method::check).
-    pub fn render(&self, optics: &Optics, method: &Method, simd: Simd, cancel: &Cancel) -> Result<Vec<f32>> {
+    pub fn render(
+        &self,
+        optics: &Optics,
+        method: &Method,
+        device: Device,
+        simd: Simd,
+        cancel: &Cancel,
+    ) -> Result<Vec<f32>> {
+        let full = match device.place(method)? {
+            Place::Cpu => self.on_cpu(optics, method, simd, cancel),
+            Place::Gpu(adapter) => {
+                gpu::render(adapter, &self.picture, &self.residence, optics, method, cancel)
+                    .map(|finished| finished.values)
+            }
+        }?;
+        Ok(match self.supersample {
+            1 => full,
+            n => cpu::resolve::box_average(&full, self.picture.size, n),
+        })
+    }
+
+    fn on_cpu(&self, optics: &Optics, method: &Method, simd: Simd, cancel: &Cancel) -> Result<Vec<f32>> {
         let (picture, size, front) = (&self.picture, self.picture.size, &self.picture.layers[0]);
-        let full = match method {
+        match method {
             Method::Lens(settings) => {
                 let sheets = self.sheets(optics, simd, cancel)?;
                 cpu::lens::render(picture, &sheets, optics, settings, self.supersample, simd, cancel)
@@ -109,10 +138,6 @@ impl Scene {
             }
             Method::Levels(settings) => cpu::levels::render(front, size, optics, settings, simd, cancel),
             Method::Sprites(settings) => cpu::sprites::render(front, size, optics, settings, simd, cancel),
-        }?;
-        Ok(match self.supersample {
-            1 => full,
-            n => cpu::resolve::box_average(&full, size, n),
-        })
+        }
     }
 }

@@ -8,6 +8,7 @@ from typing_extensions import Unpack
 
 __all__ = [
     "Aperture",
+    "Device",
     "DeviceError",
     "ExrPart",
     "Lens",
@@ -15,6 +16,7 @@ __all__ = [
     "__version__",
     "coc",
     "decode_codes",
+    "devices",
     "encode_codes",
     "exr_parts",
     "file_kind",
@@ -34,7 +36,8 @@ _Sample = TypeVar("_Sample", bound=np.float16 | np.float32 | np.float64 | np.uin
 
 _Alpha: TypeAlias = Literal["premultiplied", "straight", "none"]
 _DepthKind: TypeAlias = Literal["z", "distance", "inverse_z", "disparity", "zbuffer", "distance_from_near"]
-_Device: TypeAlias = Literal["auto", "cpu", "gpu"]
+# "auto", "cpu", "gpu", or an adapter by its id or its name.
+_Device: TypeAlias = str
 _FovAxis: TypeAlias = Literal["x", "y", "diagonal", "smaller", "larger"]
 _Invalid: TypeAlias = Literal["raise", "far"]
 _Path: TypeAlias = str | PathLike[str]
@@ -81,6 +84,23 @@ class _SpritesOptions(TypedDict, total=False):
 __version__: str
 
 class DeviceError(RuntimeError): ...
+
+@final
+class Device:
+    @property
+    def id(self, /) -> str: ...
+    @property
+    def name(self, /) -> str: ...
+    @property
+    def kind(self, /) -> Literal["discrete", "integrated", "virtual", "software", "other"]: ...
+    @property
+    def backend(self, /) -> str: ...
+    @property
+    def driver(self, /) -> str: ...
+    @property
+    def max_buffer_bytes(self, /) -> int: ...
+    @property
+    def max_binding_bytes(self, /) -> int: ...
 
 @final
 class Aperture:
@@ -341,6 +361,7 @@ class ExrPart:
     @property
     def display_window(self, /) -> tuple[int, int, int, int]: ...
 
+def devices() -> list[Device]: ...
 def coc(
     depth: NDArray[np.floating[Any]],
     lens: Lens,

@@ -104,7 +104,9 @@ Alpha = Annotated[
     str | None, typer.Option(help="What a second or fourth channel is: straight, premultiplied or none.")
 ]
 Method = Annotated[str, typer.Option(help="How to compute.")]
-Device = Annotated[str, typer.Option(help="Where to compute: auto, cpu or gpu.")]
+Device = Annotated[
+    str, typer.Option(help="Where to compute: auto, cpu, gpu, or an adapter that `dofsim devices` lists.")
+]
 Overscan = Annotated[int, typer.Option(help="Margin of the picture beyond the output, in output pixels.")]
 Supersample = Annotated[int, typer.Option(help="Pixels of the picture to one of the output.")]
 Threads = Annotated[int | None, typer.Option(help="Threads to use; all by default.")]

@@ -296,6 +296,18 @@ def compare_command(
     print(distance)
 
 
+@app.command("devices")
+def devices_command() -> None:
+    """List the adapters that can be computed on, besides the CPU."""
+    found = dofsim.devices()
+    for device in found:
+        mebibytes = device.max_binding_bytes // 2**20
+        print(f"{device.id}  {device.name}")
+        print(f"       {device.kind}, {device.backend}, {device.driver}; up to {mebibytes} MiB a frame")
+    if not found:
+        print("There is no adapter: no driver for Vulkan, Metal or Direct3D 12 is installed.")
+
+
 @app.command("demo")
 def demo_command(
     output: Annotated[

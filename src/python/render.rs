@@ -4,11 +4,12 @@ use super::aperture::PyAperture;
 use super::arrays::{
     ColorFormat, DepthWords, Input, read_depth, read_depth_kind, read_depth_words, read_invalid, write_color,
 };
-use super::errors::{DeviceError, choice};
+use super::devices::read_device;
 use super::lens::PyLens;
 use super::methods::read_method;
 use super::run::{detached, installed, simd};
 use crate::depth::{DepthKind, Invalid, disparity_plane};
+use crate::device::Device;
 use crate::optics::{Lens, Optics};
 use crate::picture::Size;
 use crate::render::{Method, Scene};
@@ -81,23 +82,6 @@ impl Frame {
     }
 }
 
-/// Where to compute.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Device {
-    Cpu,
-    Gpu,
-}
-
-fn check_device(name: &str) -> PyResult<()> {
-    let names = [("auto", Device::Cpu), ("cpu", Device::Cpu), ("gpu", Device::Gpu)];
-    match choice("device", name, &names)? {
-        Device::Cpu => Ok(()),
-        Device::Gpu => Err(DeviceError::new_err(
-            "device=\"gpu\": this build of dofsim has no GPU path yet; use device=\"cpu\" or \"auto\"",
-        )),
-    }
-}
-
 /// The picture that a real lens would have taken.
 ///
 /// Parameters
@@ -112,8 +96,10 @@ fn check_device(name: &str) -> PyResult<()> {
 ///     The lens.
 /// method : {"lens", "poisson", "gaussian", "hexagonal", "levels", "taps", "sprites"}, optional
 ///     How to compute; see the notes. All but ``"lens"`` take one layer and are for speed or for their own looks.
-/// device : {"auto", "cpu", "gpu"}, optional
-///     Where to compute.
+/// device : str, optional
+///     Where to compute: ``"cpu"``, ``"gpu"``, one of `devices` by its ``id`` or its name, or ``"auto"`` (default): a
+///     GPU if there is one, for the methods that have a GPU path, else the CPU. A software rasteriser is used only if
+///     it is named. The environment variable ``DOFSIM_DEVICE`` says what ``"auto"`` and ``"gpu"`` stand for.
 /// aperture : Aperture, optional
 ///     Shape of the opening; a disc if not given. Methods that cannot draw another shape refuse it.
 /// depth_kind : str, optional
@@ -347,6 +333,7 @@ pub fn coc<'py>(
 pub struct PyScene {
     input: Input,
     frame: Frame,
+    device: Device,
     kind: DepthKind,
     depth_words: (String, Option<f64>, Option<f64>),
     invalid: Invalid,
@@ -386,12 +373,13 @@ impl PyScene {
         threads: Option<usize>,
     ) -> PyResult<Bound<'py, PyAny>> {
         method.check(lens, self.input.layers())?;
+        self.device.place(method)?;
         let scene = self.scene(lens)?;
         let simd = simd()?;
         let optics = self.frame.optics(self.input.size, lens);
-        let (frame, size) = (self.frame, self.input.size);
+        let (frame, size, device) = (self.frame, self.input.size, self.device);
         let pixels = detached(py, threads, move |cancel| {
-            Ok(frame.crop(scene.render(&optics, method, simd, cancel)?, size))
+            Ok(frame.crop(scene.render(&optics, method, device, simd, cancel)?, size))
         })?;
         write_color(py, pixels, frame.output(size), self.format())
     }
@@ -416,13 +404,13 @@ impl PyScene {
         overscan: usize,
         supersample: usize,
     ) -> PyResult<PyScene> {
-        check_device(device)?;
+        let device = read_device(color.py(), device)?;
         let kind = read_depth_words(&DepthWords { depth_kind, near, far })?;
         let invalid = read_invalid(invalid)?;
         let input = Input::read(color, depth, alpha, transfer)?;
         let frame = Frame::new(input.size, overscan, supersample)?;
         let depth_words = (depth_kind.to_owned(), near, far);
-        Ok(PyScene { input, frame, kind, depth_words, invalid, scene: Mutex::new(None) })
+        Ok(PyScene { input, frame, device, kind, depth_words, invalid, scene: Mutex::new(None) })
     }
 
     /// The scene through a lens.

@@ -1,0 +1,240 @@
+//! Passes over buffers, run one after another, and what comes back.
+
+use super::device::Gpu;
+use super::shader::Shader;
+use crate::cancel::Cancel;
+use crate::error::Result;
+use crate::memory;
+use bytemuck::Pod;
+use rayon::prelude::*;
+use std::sync::{Arc, OnceLock};
+use std::time::Duration;
+use wgpu::BufferUsages;
+
+/// How often a wait looks whether it has been cancelled.
+const CANCEL_INTERVAL: Duration = Duration::from_millis(20);
+/// The most passes that are timed; any further ones are run all the same.
+const MAX_TIMED: u32 = 64;
+/// Values that one worker copies at a time.
+const COPIED: usize = 1 << 18;
+/// Pixels along each axis of the workgroups of passes over frames.
+pub const GROUP: usize = 16;
+
+/// A buffer as a pass uses it.
+#[derive(Clone, Copy)]
+pub enum Bound<'a> {
+    /// It is only read.
+    Read(&'a wgpu::Buffer),
+    /// It is written to.
+    Write(&'a wgpu::Buffer),
+}
+
+/// How long one pass took on the device.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PassTime {
+    /// The shader.
+    pub name: &'static str,
+    /// Its time on the device.
+    pub seconds: f64,
+}
+
+/// What a job has come to.
+pub struct Finished {
+    /// The values of its output.
+    pub values: Vec<f32>,
+    /// Its passes, in order; empty if the device keeps no time.
+    pub passes: Vec<PassTime>,
+}
+
+/// Workgroups that cover a frame.
+pub fn groups(width: usize, height: usize) -> [u32; 2] {
+    [width, height].map(|side| side.div_ceil(GROUP) as u32)
+}
+
+/// Passes that are being put together.
+pub struct Commands<'a> {
+    gpu: &'a Arc<Gpu>,
+    encoder: wgpu::CommandEncoder,
+    /// Begin and end of every pass, if the device keeps time.
+    stamps: Option<wgpu::QuerySet>,
+    passes: Vec<&'static str>,
+}
+
+impl<'a> Commands<'a> {
+    pub fn new(gpu: &'a Arc<Gpu>) -> Commands<'a> {
+        let keeps_time = gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
+        let stamps = keeps_time.then(|| {
+            gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
+                label: None,
+                ty: wgpu::QueryType::Timestamp,
+                count: 2 * MAX_TIMED,
+            })
+        });
+        let encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        Commands { gpu, encoder, stamps, passes: Vec::new() }
+    }
+
+    /// Runs a shader on `groups` workgroups. Binding 0 is `params`, the following ones are `buffers`.
+    pub fn pass<P: Pod>(
+        &mut self,
+        shader: &Shader,
+        channels: usize,
+        params: &P,
+        buffers: &[Bound],
+        groups: [u32; 2],
+    ) -> Result<()> {
+        let device = &self.gpu.device;
+        let params = self.gpu.filled("parameters", bytemuck::bytes_of(params), BufferUsages::UNIFORM)?;
+        let kind =
+            |bound: &Bound| wgpu::BufferBindingType::Storage { read_only: matches!(bound, Bound::Read(_)) };
+        let kinds = std::iter::once(wgpu::BufferBindingType::Uniform).chain(buffers.iter().map(kind));
+        let entry = |(binding, ty)| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility: wgpu::ShaderStages::COMPUTE,
+            ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
+            count: None,
+        };
+        let entries: Vec<_> = (0..).zip(kinds).map(entry).collect();
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some(shader.name),
+            entries: &entries,
+        });
+        let bound = buffers.iter().map(|(Bound::Read(buffer) | Bound::Write(buffer))| *buffer);
+        let entries: Vec<_> = (0..)
+            .zip(std::iter::once(&params).chain(bound))
+            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+            .collect();
+        let bind_group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(shader.name),
+            layout: &layout,
+            entries: &entries,
+        });
+        let pipeline = self.gpu.pipeline(shader, channels, &layout);
+
+        let first = 2 * self.passes.len() as u32;
+        let stamps = self.stamps.as_ref().filter(|_| first < 2 * MAX_TIMED);
+        let timestamp_writes = stamps.map(|query_set| wgpu::ComputePassTimestampWrites {
+            query_set,
+            beginning_of_pass_write_index: Some(first),
+            end_of_pass_write_index: Some(first + 1),
+        });
+        let descriptor = wgpu::ComputePassDescriptor { label: Some(shader.name), timestamp_writes };
+        let mut pass = self.encoder.begin_compute_pass(&descriptor);
+        pass.set_pipeline(&pipeline);
+        pass.set_bind_group(0, &bind_group, &[]);
+        pass.dispatch_workgroups(groups[0], groups[1], 1);
+        drop(pass);
+        self.passes.push(shader.name);
+        Ok(())
+    }
+
+    /// Runs the passes, after which the first `len` values of `output` come back.
+    pub fn submit(mut self, output: &wgpu::Buffer, len: usize) -> Result<Pending> {
+        let gpu = self.gpu;
+        let bytes = (len * size_of::<f32>()) as u64;
+        let back = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
+        let values = gpu.buffer("the picture that comes back", bytes as usize, back)?;
+        self.encoder.copy_buffer_to_buffer(output, 0, &values, 0, bytes);
+        let timed = self.passes.len().min(MAX_TIMED as usize);
+        let stamps = match &self.stamps {
+            Some(stamps) if timed > 0 => {
+                let bytes = 2 * timed * size_of::<u64>();
+                let resolve = BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC;
+                let resolved = gpu.buffer("timestamps", bytes, resolve)?;
+                let stamps_back = gpu.buffer("timestamps that come back", bytes, back)?;
+                self.encoder.resolve_query_set(stamps, 0..2 * timed as u32, &resolved, 0);
+                self.encoder.copy_buffer_to_buffer(&resolved, 0, &stamps_back, 0, bytes as u64);
+                Some(stamps_back)
+            }
+            _ => None,
+        };
+        let submission = gpu.queue.submit([self.encoder.finish()]);
+        Ok(Pending {
+            gpu: Arc::clone(gpu),
+            submission,
+            values: Mapped::new(values),
+            stamps: stamps.map(Mapped::new),
+            passes: self.passes,
+        })
+    }
+}
+
+/// A buffer that will be readable.
+struct Mapped {
+    buffer: wgpu::Buffer,
+    outcome: Arc<OnceLock<std::result::Result<(), wgpu::BufferAsyncError>>>,
+}
+
+impl Mapped {
+    fn new(buffer: wgpu::Buffer) -> Mapped {
+        let outcome = Arc::new(OnceLock::new());
+        let told = Arc::clone(&outcome);
+        // It is called once, so that there is nothing to be replaced.
+        buffer.map_async(wgpu::MapMode::Read, .., move |result| drop(told.set(result)));
+        Mapped { buffer, outcome }
+    }
+
+    /// Reads what has arrived.
+    fn read<T>(&self, gpu: &Gpu, read: impl FnOnce(&[u8]) -> T) -> Result<T> {
+        match self.outcome.get() {
+            Some(Ok(())) => {
+                let view = self.buffer.get_mapped_range(..).map_err(|error| gpu.error(error))?;
+                Ok(read(&view))
+            }
+            Some(Err(error)) => {
+                gpu.check()?;
+                Err(gpu.error(error))
+            }
+            None => {
+                gpu.check()?;
+                Err(gpu.error("the device stopped before the picture was done"))
+            }
+        }
+    }
+}
+
+/// Passes that are running.
+pub struct Pending {
+    gpu: Arc<Gpu>,
+    submission: wgpu::SubmissionIndex,
+    values: Mapped,
+    stamps: Option<Mapped>,
+    passes: Vec<&'static str>,
+}
+
+impl Pending {
+    /// Waits for the passes to end.
+    pub fn wait(self, cancel: &Cancel) -> Result<Finished> {
+        let gpu = &self.gpu;
+        loop {
+            let submission_index = Some(self.submission.clone());
+            let wait = wgpu::PollType::Wait { submission_index, timeout: Some(CANCEL_INTERVAL) };
+            match gpu.device.poll(wait) {
+                Ok(_) => break,
+                Err(wgpu::PollError::Timeout) => cancel.check()?,
+                Err(error) => return Err(gpu.error(error)),
+            }
+        }
+        let values = self.values.read(gpu, |bytes| {
+            let mut values: Vec<f32> = memory::zeros(bytes.len() / size_of::<f32>());
+            let source: &[f32] = bytemuck::cast_slice(bytes);
+            values
+                .par_chunks_mut(COPIED)
+                .zip(source.par_chunks(COPIED))
+                .for_each(|(values, source)| values.copy_from_slice(source));
+            values
+        })?;
+        let passes = self.stamps.as_ref().map_or(Ok(Vec::new()), |stamps| {
+            let seconds_per_tick = f64::from(gpu.queue.get_timestamp_period()) * 1e-9;
+            stamps.read(gpu, |bytes| {
+                let ticks: &[u64] = bytemuck::cast_slice(bytes);
+                let seconds = ticks.as_chunks::<2>().0.iter();
+                let seconds =
+                    seconds.map(|[begin, end]| end.saturating_sub(*begin) as f64 * seconds_per_tick);
+                self.passes.iter().zip(seconds).map(|(&name, seconds)| PassTime { name, seconds }).collect()
+            })
+        })?;
+        gpu.check()?;
+        Ok(Finished { values, passes })
+    }
+}
