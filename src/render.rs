@@ -113,8 +113,13 @@ impl Scene {
         let full = match device.place(method)? {
             Place::Cpu => self.on_cpu(optics, method, simd, cancel),
             Place::Gpu(adapter) => {
-                gpu::render(adapter, &self.picture, &self.residence, optics, method, cancel)
-                    .map(|finished| finished.values)
+                let source = gpu::Source {
+                    picture: &self.picture,
+                    residence: &self.residence,
+                    sheets: || self.sheets(optics, simd, cancel),
+                    supersample: self.supersample,
+                };
+                gpu::render(adapter, source, optics, method, simd, cancel).map(|finished| finished.values)
             }
         }?;
         Ok(match self.supersample {

@@ -47,8 +47,8 @@ pub struct Finished {
 }
 
 /// Workgroups that cover a frame.
-pub fn groups(width: usize, height: usize) -> [u32; 2] {
-    [width, height].map(|side| side.div_ceil(GROUP) as u32)
+pub fn groups(width: usize, height: usize) -> [u32; 3] {
+    [width.div_ceil(GROUP) as u32, height.div_ceil(GROUP) as u32, 1]
 }
 
 /// Passes that are being put together.
@@ -81,7 +81,7 @@ impl<'a> Commands<'a> {
         channels: usize,
         params: &P,
         buffers: &[Bound],
-        groups: [u32; 2],
+        groups: [u32; 3],
     ) -> Result<()> {
         let device = &self.gpu.device;
         let params = self.gpu.filled("parameters", bytemuck::bytes_of(params), BufferUsages::UNIFORM)?;
@@ -122,10 +122,15 @@ impl<'a> Commands<'a> {
         let mut pass = self.encoder.begin_compute_pass(&descriptor);
         pass.set_pipeline(&pipeline);
         pass.set_bind_group(0, &bind_group, &[]);
-        pass.dispatch_workgroups(groups[0], groups[1], 1);
+        pass.dispatch_workgroups(groups[0], groups[1], groups[2]);
         drop(pass);
         self.passes.push(shader.name);
         Ok(())
+    }
+
+    /// Copies a buffer whole.
+    pub fn copy(&mut self, from: &wgpu::Buffer, to: &wgpu::Buffer) {
+        self.encoder.copy_buffer_to_buffer(from, 0, to, 0, from.size());
     }
 
     /// Runs the passes, after which the first `len` values of `output` come back.

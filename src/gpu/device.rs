@@ -8,6 +8,8 @@ use bytemuck::Pod;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+/// What is open, by process and adapter.
+type Open = HashMap<(u32, usize), Arc<Gpu>>;
 /// A pipeline by the shader's name and the number of channels.
 type Pipelines = HashMap<(&'static str, usize), Arc<wgpu::ComputePipeline>>;
 
@@ -23,9 +25,9 @@ pub struct Gpu {
     fault: Arc<Mutex<Option<String>>>,
 }
 
-/// The adapters that are open, by process and adapter. Those of a parent process stay, because a forked child must not
+/// The adapters that are open. Those of a parent process stay, because a forked child must not
 /// free them.
-static OPEN: Mutex<Option<HashMap<(u32, usize), Arc<Gpu>>>> = Mutex::new(None);
+static OPEN: Mutex<Option<Open>> = Mutex::new(None);
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     // What a poisoned lock holds is whole or absent.
@@ -137,7 +139,8 @@ impl Gpu {
 
     /// A storage buffer of `values`.
     pub(super) fn upload<T: Pod>(&self, what: &'static str, values: &[T]) -> Result<wgpu::Buffer> {
-        self.filled(what, bytemuck::cast_slice(values), wgpu::BufferUsages::STORAGE)
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+        self.filled(what, bytemuck::cast_slice(values), usage)
     }
 
     /// A buffer of these bytes.
@@ -157,7 +160,8 @@ impl Gpu {
 
     /// A storage buffer of `len` values that passes write and read.
     pub(super) fn scratch<T: Pod>(&self, what: &'static str, len: usize) -> Result<wgpu::Buffer> {
-        self.buffer(what, len * size_of::<T>(), wgpu::BufferUsages::STORAGE)
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        self.buffer(what, len * size_of::<T>(), usage)
     }
 
     /// A buffer for an interleaved picture of this size.

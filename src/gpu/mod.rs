@@ -7,6 +7,7 @@ pub mod adapters;
 mod commands;
 mod device;
 mod gaussian;
+mod lens;
 mod process;
 mod resident;
 mod shader;
@@ -17,31 +18,53 @@ pub use device::Gpu;
 pub use resident::Residence;
 
 use crate::cancel::Cancel;
+use crate::cpu::lens::Sheets;
+use crate::cpu::simd::Simd;
 use crate::error::{Error, Result};
 use crate::optics::Optics;
 use crate::picture::Picture;
 use crate::render::Method;
+use std::sync::Arc;
 
 /// The methods that have a GPU path.
-pub const METHODS: [&str; 2] = ["gaussian", "taps"];
+pub const METHODS: [&str; 3] = ["lens", "gaussian", "taps"];
+
+/// What is rendered.
+pub struct Source<'a, S> {
+    /// The picture with its disparity.
+    pub picture: &'a Picture,
+    /// Where it is kept.
+    pub residence: &'a Residence,
+    /// Prepares the sheets for the lens, if they are needed.
+    pub sheets: S,
+    /// Pixels of the picture to one of the output, along each axis.
+    pub supersample: usize,
+}
 
 /// The picture through a lens, interleaved, from the adapter that is the `adapter`th of [`adapters::all`].
 pub fn render(
     adapter: usize,
-    picture: &Picture,
-    residence: &Residence,
+    source: Source<impl FnOnce() -> Result<Arc<Sheets>>>,
     optics: &Optics,
     method: &Method,
+    simd: Simd,
     cancel: &Cancel,
 ) -> Result<Finished> {
     let gpu = Gpu::open(adapter)?;
+    let Source { residence, supersample, .. } = source;
     let work = || {
-        let scene = residence.on(&gpu, picture)?;
-        let pending = gpu.guarded(|| match method {
-            Method::Gaussian(settings) => gaussian::start(&gpu, &scene, optics, settings),
-            Method::Taps(settings) => taps::start(&gpu, &scene, optics, settings),
+        let picture = residence.picture(&gpu, source.picture)?;
+        let pending = match method {
+            Method::Lens(settings) => {
+                let sheets = (source.sheets)()?;
+                let cells = residence.cells(&gpu, &sheets)?;
+                let input = lens::Input { picture: &picture, sheets: &sheets, cells: &cells, supersample };
+                gpu.guarded(|| lens::start(&gpu, &input, optics, settings, simd, cancel))
+            }
+            Method::Gaussian(settings) => gpu.guarded(|| gaussian::start(&gpu, &picture, optics, settings)),
+            Method::Taps(settings) => gpu.guarded(|| taps::start(&gpu, &picture, optics, settings)),
             other => Err(no_path(other.name())),
-        })?;
+        }?;
         pending.wait(cancel)
     };
     work().inspect_err(|error| {
