@@ -3,7 +3,6 @@
 struct Params {
     size: vec2<u32>,
     layers: u32,
-    tile_rows: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -25,15 +24,13 @@ fn composed(pixel: u32) -> vec4<f32> {
 
 @compute @workgroup_size(64, 4)
 fn copy(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) thread: vec3<u32>) {
-    let origin = tiles[group.x];
-    for (var y = thread.y; y < params.tile_rows; y += 4u) {
-        let at = origin + vec2(thread.x, y);
-        if all(at < params.size) {
-            let pixel = at.y * params.size.x + at.x;
-            let value = composed(pixel);
-            for (var c = 0u; c < CHANNELS; c++) {
-                picture[pixel * CHANNELS + c] = value[c];
-            }
-        }
+    let at = tiles[group.x] + vec2(thread.x, 4u * group.y + thread.y);
+    if any(at >= params.size) {
+        return;
+    }
+    let pixel = at.y * params.size.x + at.x;
+    let value = composed(pixel);
+    for (var c = 0u; c < CHANNELS; c++) {
+        picture[pixel * CHANNELS + c] = value[c];
     }
 }

@@ -3,7 +3,6 @@
 struct Params {
     size: vec2<u32>,
     s_focus: f32,
-    tile_rows: u32,
     // Radius steps of discs: to a pixel, below and above `small_px`; discs are `apart` steps apart.
     small_px: f32,
     fine: f32,
@@ -11,6 +10,9 @@ struct Params {
     apart: f32,
     // The disc that kernel 0 is.
     first_step: i32,
+    // The rows of discs that this pass adds.
+    first_row: u32,
+    end_row: u32,
 }
 
 struct Tile {
@@ -54,11 +56,11 @@ fn sum_between(y: u32, first: i32, end: i32) -> vec4<f32> {
     return sum_before(row, end) - sum_before(row, first);
 }
 
-// The mean over a disc around a pixel.
+// The mean over a disc around a pixel, or what the rows of this pass contribute to it.
 fn convolved(at: vec2<i32>, kernel: Kernel) -> vec4<f32> {
     var runs = vec4<f32>();
     var edges = vec4<f32>();
-    for (var i = 0u; i < kernel.count; i++) {
+    for (var i = params.first_row; i < min(kernel.count, params.end_row); i++) {
         let row = kernel_row(kernel, i);
         let y = u32(mirrored(at.y + kernel.first_dy + i32(i), i32(params.size.y)));
         if row.run.x < row.run.y {
@@ -99,13 +101,14 @@ fn blurred(at: vec2<u32>, tile: Tile) -> vec4<f32> {
 @compute @workgroup_size(64, 4)
 fn disc(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) thread: vec3<u32>) {
     let tile = tiles[group.x];
-    for (var y = thread.y; y < params.tile_rows; y += 4u) {
-        let at = tile.origin + vec2(thread.x, y);
-        if all(at < params.size) {
-            let value = blurred(at, tile);
-            for (var c = 0u; c < CHANNELS; c++) {
-                picture[(at.y * params.size.x + at.x) * CHANNELS + c] = value[c];
-            }
-        }
+    let at = tile.origin + vec2(thread.x, 4u * group.y + thread.y);
+    if any(at >= params.size) {
+        return;
+    }
+    let pixel = at.y * params.size.x + at.x;
+    let value = blurred(at, tile);
+    for (var c = 0u; c < CHANNELS; c++) {
+        let before = select(picture[pixel * CHANNELS + c], 0.0, params.first_row == 0u);
+        picture[pixel * CHANNELS + c] = before + value[c];
     }
 }

@@ -7,7 +7,6 @@ struct Params {
     pad: i32,
     block: i32,
     sheets: u32,
-    tile_rows: u32,
     s_focus: f32,
     // The largest shift there is.
     reach_px: f32,
@@ -25,7 +24,7 @@ struct Highlight {
     kernel: u32,
 }
 
-// A tile and the highlights that reach it.
+// A tile, and those of the highlights that reach it that this pass draws.
 struct Tile {
     origin: vec2<u32>,
     first: u32,
@@ -168,13 +167,12 @@ fn light_at(at: vec2<i32>, tile: Tile) -> vec4<f32> {
 @compute @workgroup_size(64, 4)
 fn draw_highlights(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) thread: vec3<u32>) {
     let tile = tiles[group.x];
-    for (var y = thread.y; y < params.tile_rows; y += 4u) {
-        let at = tile.origin + vec2(thread.x, y);
-        if all(at < params.size) {
-            let value = light_at(vec2<i32>(at), tile);
-            for (var c = 0u; c < CHANNELS; c++) {
-                picture[(at.y * params.size.x + at.x) * CHANNELS + c] += value[c];
-            }
-        }
+    let at = tile.origin + vec2(thread.x, 4u * group.y + thread.y);
+    if any(at >= params.size) {
+        return;
+    }
+    let value = light_at(vec2<i32>(at), tile);
+    for (var c = 0u; c < CHANNELS; c++) {
+        picture[(at.y * params.size.x + at.x) * CHANNELS + c] += value[c];
     }
 }

@@ -13,6 +13,9 @@ struct Params {
     sheets: u32,
     // Whether rays that meet nothing are transparent, rather than unknown.
     missed: u32,
+    // The views of each tile that this pass adds.
+    first_view: u32,
+    end_view: u32,
 }
 
 // A tile, its views, and the depths that occur within reach: a bit for each high byte of a code.
@@ -49,11 +52,13 @@ override CHANNELS: u32 = 3u;
 @group(0) @binding(2) var<storage, read> drawn: array<vec4<f32>>;
 // For each cell 0, or one more than the number of its half-plane; these follow.
 @group(0) @binding(3) var<storage, read> half_planes: array<u32>;
-@group(0) @binding(4) var<storage, read> views: array<View>;
-@group(0) @binding(5) var<storage, read> stretches: array<Stretch>;
-@group(0) @binding(6) var<storage, read> tiles: array<Tile>;
+// Views, then stretches.
+@group(0) @binding(4) var<storage, read> paths: array<vec4<u32>>;
+@group(0) @binding(5) var<storage, read> tiles: array<Tile>;
 // For each block of the padded frame and each sheet, the depths in a tile that begins there; as in `Tile`.
-@group(0) @binding(7) var<storage, read> windows: array<u32>;
+@group(0) @binding(6) var<storage, read> windows: array<u32>;
+// How many views of each pixel have met nothing; between passes the picture holds sums.
+@group(0) @binding(7) var<storage, read_write> missed_before: array<f32>;
 @group(0) @binding(8) var<storage, read_write> picture: array<f32>;
 
 // Stretches and sheets that each view of a batch may meet cells in, and from which stretch on it has not been looked.
@@ -65,26 +70,37 @@ var<private> place: vec2<i32>;
 var<private> sums: array<vec4<f32>, ROWS>;
 var<private> waiting: array<bool, ROWS>;
 
+fn view_at(i: u32) -> View {
+    let words = paths[i];
+    return View(bitcast<vec2<f32>>(words.xy), words.z, words.w);
+}
+
+fn stretch_at(i: u32) -> Stretch {
+    let words = paths[i];
+    return Stretch(words.x, words.y, bitcast<vec2<f32>>(words.zw));
+}
+
 fn offset_of(stretch: Stretch) -> vec2<i32> {
     let cell = bitcast<i32>(stretch.cell);
     return vec2((cell << 16u) >> 16u, cell >> 16u);
 }
 
-// Those bits of a word of depths that the codes of a stretch fall to.
-fn bins_of(stretch: Stretch, word: u32) -> u32 {
-    let first = (stretch.codes & 0xffffu) >> 8u;
-    let last = ((stretch.codes >> 16u) - 1u) >> 8u;
-    if first > 32u * word + 31u || last < 32u * word {
-        return 0u;
-    }
-    let low = max(first, 32u * word) - 32u * word;
-    let high = min(last, 32u * word + 31u) - 32u * word;
+// The first and the last depth that the codes of a stretch fall to.
+fn bins_of(stretch: Stretch) -> vec2<u32> {
+    return vec2(stretch.codes & 0xffffu, (stretch.codes >> 16u) - 1u) >> vec2(8u);
+}
+
+// Those bits of a word of depths.
+fn bits_of(bins: vec2<u32>, word: u32) -> u32 {
+    let low = max(bins.x, 32u * word) - 32u * word;
+    let high = min(bins.y, 32u * word + 31u) - 32u * word;
     return (0xffffffffu << low) & (0xffffffffu >> (31u - high));
 }
 
 fn is_occupied(tile: u32, stretch: Stretch) -> bool {
-    for (var word = 0u; word < 8u; word++) {
-        if (tiles[tile].occupied[word] & bins_of(stretch, word)) != 0u {
+    let bins = bins_of(stretch);
+    for (var word = bins.x / 32u; word <= bins.y / 32u; word++) {
+        if (tiles[tile].occupied[word] & bits_of(bins, word)) != 0u {
             return true;
         }
     }
@@ -94,8 +110,9 @@ fn is_occupied(tile: u32, stretch: Stretch) -> bool {
 fn is_in_window(origin: vec2<u32>, stretch: Stretch, sheet: u32) -> bool {
     let at = vec2<u32>(vec2<i32>(origin + params.pad) + offset_of(stretch)) / params.block;
     let window = 8u * ((at.y * params.blocks_across + at.x) * params.sheets + sheet);
-    for (var word = 0u; word < 8u; word++) {
-        if (windows[window + word] & bins_of(stretch, word)) != 0u {
+    let bins = bins_of(stretch);
+    for (var word = bins.x / 32u; word <= bins.y / 32u; word++) {
+        if (windows[window + word] & bits_of(bins, word)) != 0u {
             return true;
         }
     }
@@ -105,9 +122,10 @@ fn is_in_window(origin: vec2<u32>, stretch: Stretch, sheet: u32) -> bool {
 // Picks the stretches of a view, as many as there is room for.
 fn look(tile: u32, view: u32, slot: u32) {
     var count = 0u;
-    var i = views[view].first;
-    while i < views[view].end && count + params.sheets <= CAPACITY {
-        let stretch = stretches[i];
+    let path = view_at(view);
+    var i = path.first;
+    while i < path.end && count + params.sheets <= CAPACITY {
+        let stretch = stretch_at(i);
         if is_occupied(tile, stretch) {
             for (var sheet = 0u; sheet < params.sheets; sheet++) {
                 if is_in_window(tiles[tile].origin, stretch, sheet) {
@@ -137,7 +155,7 @@ fn is_covered(cell: u32, at: vec2<i32>, view: View, stretch: Stretch) -> bool {
 
 // Gives the waiting pixels the cells that they meet in one stretch of one sheet.
 fn meet(view: View, i: u32, sheet: u32) {
-    let stretch = stretches[i];
+    let stretch = stretch_at(i);
     let from_code = stretch.codes & 0xffffu;
     let to_code = stretch.codes >> 16u;
     let first = place + offset_of(stretch);
@@ -168,12 +186,22 @@ fn follow(tile: u32, view: View, slot: u32) {
         meet(view, found.x, found.y);
     }
     for (var i = not_looked[slot]; i < view.end && is_any_waiting(); i++) {
-        if is_occupied(tile, stretches[i]) {
+        if is_occupied(tile, stretch_at(i)) {
             for (var sheet = 0u; sheet < params.sheets; sheet++) {
                 meet(view, i, sheet);
             }
         }
     }
+}
+
+// The mean over all views that count.
+fn mean(sum: vec4<f32>, count: f32, missed: f32, pixel: u32) -> vec4<f32> {
+    let met_views = count - select(missed, 0.0, params.missed == MISSED_NOTHING);
+    if met_views > 0.0 {
+        return sum / met_views;
+    }
+    // Where nothing at all was met, the pixel keeps what it saw itself.
+    return drawn[pixel];
 }
 
 @compute @workgroup_size(64, 4)
@@ -185,9 +213,25 @@ fn sweep(
     let tile = group.x;
     let own = tiles[tile].origin + vec2(thread.x, ROWS * 4u * group.y + thread.y);
     place = vec2<i32>(own);
+    if params.first_view >= tiles[tile].views {
+        // An earlier pass was its last.
+        return;
+    }
     var missed = array<f32, ROWS>();
-    let count = tiles[tile].views;
-    for (var batch = 0u; batch < count; batch += BATCH) {
+    if params.first_view > 0u {
+        for (var row = 0u; row < ROWS; row++) {
+            let at = vec2(own.x, own.y + 4u * row);
+            if all(at < params.size) {
+                let pixel = at.y * params.size.x + at.x;
+                missed[row] = missed_before[pixel];
+                for (var c = 0u; c < CHANNELS; c++) {
+                    sums[row][c] = picture[pixel * CHANNELS + c];
+                }
+            }
+        }
+    }
+    let count = min(tiles[tile].views, params.end_view);
+    for (var batch = params.first_view; batch < count; batch += BATCH) {
         workgroupBarrier();
         let first = tiles[tile].first_view + batch;
         let here = min(BATCH, count - batch);
@@ -199,7 +243,7 @@ fn sweep(
             for (var row = 0u; row < ROWS; row++) {
                 waiting[row] = own.x < params.size.x && own.y + 4u * row < params.size.y;
             }
-            follow(tile, views[first + slot], slot);
+            follow(tile, view_at(first + slot), slot);
             for (var row = 0u; row < ROWS; row++) {
                 missed[row] += select(0.0, 1.0, waiting[row]);
             }
@@ -211,11 +255,11 @@ fn sweep(
             continue;
         }
         let pixel = at.y * params.size.x + at.x;
-        let met_views = f32(count) - select(missed[row], 0.0, params.missed == MISSED_NOTHING);
-        // Where nothing at all was met, the pixel keeps what it saw itself.
-        var value = drawn[pixel];
-        if met_views > 0.0 {
-            value = sums[row] / met_views;
+        var value = sums[row];
+        if count < tiles[tile].views {
+            missed_before[pixel] = missed[row];
+        } else {
+            value = mean(sums[row], f32(count), missed[row], pixel);
         }
         for (var c = 0u; c < CHANNELS; c++) {
             picture[pixel * CHANNELS + c] = value[c];

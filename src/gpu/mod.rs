@@ -10,10 +10,12 @@ mod gaussian;
 mod lens;
 mod process;
 mod resident;
+mod resolve;
 mod shader;
 mod taps;
+#[cfg(test)]
+mod tests;
 
-pub use commands::{Finished, PassTime};
 pub use device::Gpu;
 pub use resident::Residence;
 
@@ -23,7 +25,8 @@ use crate::cpu::simd::Simd;
 use crate::error::{Error, Result};
 use crate::optics::Optics;
 use crate::picture::Picture;
-use crate::render::Method;
+use crate::render::{Method, Rendered};
+use commands::{Commands, Pending};
 use std::sync::Arc;
 
 /// The methods that have a GPU path.
@@ -35,42 +38,77 @@ pub struct Source<'a, S> {
     pub picture: &'a Picture,
     /// Where it is kept.
     pub residence: &'a Residence,
-    /// Prepares the sheets for the lens, if they are needed.
+    /// Prepares the sheets for a lens.
     pub sheets: S,
     /// Pixels of the picture to one of the output, along each axis.
     pub supersample: usize,
 }
 
-/// The picture through a lens, interleaved, from the adapter that is the `adapter`th of [`adapters::all`].
-pub fn render(
+/// The picture through each of some lenses, interleaved, from the adapter that is the `adapter`th of [`adapters::all`].
+/// One picture comes back while the next one is computed.
+pub fn render_each<S: Fn(&Optics) -> Result<Arc<Sheets>>>(
     adapter: usize,
-    source: Source<impl FnOnce() -> Result<Arc<Sheets>>>,
-    optics: &Optics,
+    source: &Source<S>,
+    optics: &[Optics],
     method: &Method,
     simd: Simd,
     cancel: &Cancel,
-) -> Result<Finished> {
+) -> Result<Vec<Rendered>> {
     let gpu = Gpu::open(adapter)?;
-    let Source { residence, supersample, .. } = source;
     let work = || {
-        let picture = residence.picture(&gpu, source.picture)?;
-        let pending = match method {
-            Method::Lens(settings) => {
-                let sheets = (source.sheets)()?;
-                let cells = residence.cells(&gpu, &sheets)?;
-                let input = lens::Input { picture: &picture, sheets: &sheets, cells: &cells, supersample };
-                gpu.guarded(|| lens::start(&gpu, &input, optics, settings, simd, cancel))
+        let mut rendered = Vec::with_capacity(optics.len());
+        let mut running: Option<Pending> = None;
+        for optics in optics {
+            let next = start(&gpu, source, optics, method, simd, cancel)?;
+            if let Some(before) = running.replace(next) {
+                rendered.push(before.wait(cancel)?);
             }
-            Method::Gaussian(settings) => gpu.guarded(|| gaussian::start(&gpu, &picture, optics, settings)),
-            Method::Taps(settings) => gpu.guarded(|| taps::start(&gpu, &picture, optics, settings)),
-            other => Err(no_path(other.name())),
-        }?;
-        pending.wait(cancel)
+        }
+        rendered.extend(running.map(|last| last.wait(cancel)).transpose()?);
+        Ok(rendered)
     };
     work().inspect_err(|error| {
         if matches!(error, Error::Device(_)) {
             gpu.retire();
         }
+    })
+}
+
+/// Begins to compute one picture.
+fn start<S: Fn(&Optics) -> Result<Arc<Sheets>>>(
+    gpu: &Arc<Gpu>,
+    source: &Source<S>,
+    optics: &Optics,
+    method: &Method,
+    simd: Simd,
+    cancel: &Cancel,
+) -> Result<Pending> {
+    let picture = source.residence.picture(gpu, source.picture)?;
+    // What takes long on the CPU, and is kept, comes first.
+    let prepared = match method {
+        Method::Lens(_) => {
+            let sheets = (source.sheets)(optics)?;
+            let cells = source.residence.cells(gpu, &sheets)?;
+            Some((sheets, cells))
+        }
+        _ => None,
+    };
+    gpu.guarded(|| {
+        let mut commands = Commands::new(gpu);
+        let full = match (method, &prepared) {
+            (Method::Lens(settings), Some((sheets, cells))) => {
+                let input = lens::Input { picture: &picture, sheets, cells, supersample: source.supersample };
+                lens::render(&mut commands, &input, optics, settings, simd, cancel)
+            }
+            (Method::Gaussian(settings), _) => gaussian::render(&mut commands, &picture, optics, settings),
+            (Method::Taps(settings), _) => taps::render(&mut commands, &picture, optics, settings),
+            (other, _) => Err(no_path(other.name())),
+        }?;
+        let output = match source.supersample {
+            1 => full,
+            n => resolve::box_average(&mut commands, &full, picture.size, n)?,
+        };
+        commands.submit(&output)
     })
 }
 

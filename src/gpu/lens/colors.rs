@@ -9,9 +9,7 @@ use crate::cpu::lens::surfaces::CONNECTED_PX;
 use crate::error::Result;
 use crate::gpu::commands::Bound::{Read, Write};
 use crate::gpu::commands::{Commands, GROUP, groups};
-use crate::gpu::device::Gpu;
 use crate::gpu::shader::{Shader, shader, shared};
-use std::sync::Arc;
 
 pub const PATCH: Shader = shader!("lens/patch", [], [PatchParams, Patch]);
 pub const WIDEN: Shader =
@@ -85,7 +83,7 @@ impl Dim {
 }
 
 /// The colours with those of the `dimmed` cells of each sheet.
-pub fn dim(gpu: &Arc<Gpu>, commands: &mut Commands, cells: &Cells, dimmed: &[Vec<Own>]) -> Result<Dim> {
+pub fn dim(commands: &mut Commands, cells: &Cells, dimmed: &[Vec<Own>]) -> Result<Dim> {
     let sheets = (0..).step_by(cells.size.pixels()).zip(dimmed);
     let patches: Vec<Patch> = sheets
         .flat_map(|(first, dimmed)| {
@@ -99,7 +97,8 @@ pub fn dim(gpu: &Arc<Gpu>, commands: &mut Commands, cells: &Cells, dimmed: &[Vec
     if patches.is_empty() {
         return Ok(Dim::Same);
     }
-    let colors = gpu.scratch::<[f32; 4]>("the colours without highlights", cells.len())?;
+    let gpu = commands.gpu;
+    let colors = commands.scratch::<[f32; 4]>("the colours without highlights", cells.len())?;
     commands.copy(&cells.colors, &colors);
     let side = (patches.len() as f64).sqrt().ceil() as usize;
     let params = PatchParams { count: patches.len() as u32 };
@@ -116,12 +115,12 @@ pub fn dim(gpu: &Arc<Gpu>, commands: &mut Commands, cells: &Cells, dimmed: &[Vec
 
 /// Those colours widened or sharpened to their footprint.
 pub fn drawn(
-    gpu: &Arc<Gpu>,
     commands: &mut Commands,
     cells: &Cells,
     plan: &Plan,
     colors: &wgpu::Buffer,
 ) -> Result<wgpu::Buffer> {
+    let gpu = commands.gpu;
     let (size, channels) = (pixels(cells.size), cells.size.channels);
     let table = plan.footprint.table();
     let footprint = Footprint {
@@ -133,7 +132,8 @@ pub fn drawn(
     let variances = gpu.upload("the table of footprints", table)?;
     let [across, down, _] = groups(cells.size.width, cells.size.height);
     let on_all = [across, down, cells.sheets as u32];
-    let buffer = || gpu.scratch::<[f32; 4]>("the colours as they are drawn", cells.len());
+    let buffer =
+        |commands: &mut Commands| commands.scratch::<[f32; 4]>("the colours as they are drawn", cells.len());
 
     // Weights w of neighbours at distance h add the variance 2 w h^2.
     let most = table.iter().copied().fold(0.0, f32::max) - NEXT_CELLS;
@@ -155,7 +155,7 @@ pub fn drawn(
             _gap: 0,
             footprint,
         };
-        let target = spare.take().map_or_else(buffer, Ok)?;
+        let target = spare.take().map_or_else(|| buffer(commands), Ok)?;
         let source = widened.as_ref().unwrap_or(colors);
         let buffers = [Read(&variances), Read(&cells.shifts), Read(source), Write(&target)];
         commands.pass(&WIDEN, channels, &params, &buffers, on_all)?;
@@ -164,7 +164,7 @@ pub fn drawn(
     }
 
     let params = SharpenParams { size, sheets: cells.sheets as u32, connected_px: CONNECTED_PX, footprint };
-    let drawn = spare.map_or_else(buffer, Ok)?;
+    let drawn = spare.map_or_else(|| buffer(commands), Ok)?;
     let source = widened.as_ref().unwrap_or(colors);
     let buffers = [Read(&variances), Read(&cells.shifts), Read(&cells.links), Read(source), Write(&drawn)];
     commands.pass(&SHARPEN, channels, &params, &buffers, on_all)?;

@@ -1,19 +1,13 @@
 //! Bright points.
 
-use super::cells::Cells;
 use super::kernels::Kernels;
-use super::{origin, pixels};
+use super::{Frame, MAX_LOOPS, origin, per_pixel, pixels};
 use crate::cpu::lens::blocks::BLOCK;
-use crate::cpu::lens::cells::Codes;
 use crate::cpu::lens::highlights::Highlights;
-use crate::cpu::lens::pack::TILE;
-use crate::cpu::lens::plan::Plan;
 use crate::error::Result;
 use crate::gpu::commands::Bound::{Read, Write};
 use crate::gpu::commands::Commands;
-use crate::gpu::device::Gpu;
 use crate::gpu::shader::{Shader, shader, shared};
-use std::sync::Arc;
 
 pub const HIGHLIGHTS: Shader =
     shader!("lens/highlights", ["border", "lens/cells", "lens/kernels"], [HighlightsParams, Highlight, Tile]);
@@ -25,11 +19,11 @@ shared! {
         pad: i32,
         block: i32,
         sheets: u32,
-        tile_rows: u32,
         s_focus: f32,
         reach_px: f32,
         s_min: f32,
         step: f32,
+        _end: u32,
     }
 }
 
@@ -53,27 +47,30 @@ shared! {
 }
 
 /// Adds all highlights to the picture.
-#[expect(clippy::too_many_arguments, reason = "the scene, its plan, and what was made of both")]
 pub fn pass(
-    gpu: &Arc<Gpu>,
     commands: &mut Commands,
-    cells: &Cells,
-    codes: &Codes,
-    plan: &Plan,
+    frame: &Frame,
     kernels: &Kernels,
     highlights: &Highlights,
-    out: &wgpu::Buffer,
 ) -> Result<()> {
+    let Frame { cells, codes, plan, picture } = *frame;
+    let gpu = commands.gpu;
     if highlights.all.is_empty() {
         return Ok(());
     }
     let pad = plan.padding.pad as i32;
+    // Each highlight is asked for its weight and followed along a ray.
+    let loops_each = plan.reach_px.ceil() as usize * 2 * (1 + cells.sheets) + kernels.widest_row + 2;
+    let at_once = (MAX_LOOPS / loops_each).max(1);
     let mut lists: Vec<u32> = Vec::new();
-    let mut tiles: Vec<Tile> = Vec::new();
-    for (tile, list) in plan.tiles.iter().zip(&highlights.by_tile).filter(|(_, list)| !list.is_empty()) {
-        let (first, count) = (lists.len() as u32, list.len() as u32);
-        tiles.push(Tile { origin: origin(tile.origin), first, count });
-        lists.extend(list);
+    let mut passes: Vec<Vec<Tile>> = Vec::new();
+    for (tile, list) in plan.tiles.iter().zip(&highlights.by_tile) {
+        for (i, part) in list.chunks(at_once).enumerate() {
+            passes.resize_with(passes.len().max(i + 1), Vec::new);
+            let (first, count) = (lists.len() as u32, part.len() as u32);
+            passes[i].push(Tile { origin: origin(tile.origin), first, count });
+            lists.extend(part);
+        }
     }
     let all: Vec<Highlight> = highlights
         .all
@@ -95,27 +92,30 @@ pub fn pass(
         pad,
         block: BLOCK as i32,
         sheets: cells.sheets as u32,
-        tile_rows: TILE.1 as u32,
         s_focus: plan.s_focus as f32,
         reach_px: plan.reach_px as f32,
         s_min: codes.s_min as f32,
         step: codes.step() as f32,
+        _end: 0,
     };
-    let groups = [tiles.len() as u32, 1, 1];
     let words = gpu.upload("the discs", &kernels.words)?;
     let all = gpu.upload("the highlights", &all)?;
-    let tiles = gpu.upload("the tiles with highlights", &tiles)?;
     let lists = gpu.upload("the highlights of tiles", &lists)?;
     let nearest = gpu.upload("the depths of blocks", &nearest)?;
-    let buffers = [
-        Read(&cells.codes),
-        Read(&cells.half_planes),
-        Read(&words),
-        Read(&all),
-        Read(&tiles),
-        Read(&lists),
-        Read(&nearest),
-        Write(out),
-    ];
-    commands.pass(&HIGHLIGHTS, cells.size.channels, &params, &buffers, groups)
+    for tiles in passes {
+        let groups = per_pixel(tiles.len());
+        let tiles = gpu.upload("the tiles with highlights", &tiles)?;
+        let buffers = [
+            Read(&cells.codes),
+            Read(&cells.half_planes),
+            Read(&words),
+            Read(&all),
+            Read(&tiles),
+            Read(&lists),
+            Read(&nearest),
+            Write(picture),
+        ];
+        commands.pass(&HIGHLIGHTS, cells.size.channels, &params, &buffers, groups)?;
+    }
+    Ok(())
 }

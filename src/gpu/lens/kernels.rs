@@ -27,6 +27,10 @@ pub enum Disc {
 /// All kernels that a frame needs.
 pub struct Kernels {
     pub words: Vec<u32>,
+    /// The most rows that any kernel has.
+    pub most_rows: usize,
+    /// The most single pixels that any row has.
+    pub widest_row: usize,
     /// The disc that kernel 0 is, in steps of [`APART`]; the following ones are those of the next steps.
     pub first_step: i32,
     /// The tiles that are discs.
@@ -69,6 +73,13 @@ impl Kernels {
         let disc = |shift: Option<f32>| shift.map_or(Disc::Own, |s| Disc::Same(of_shift[&s.to_bits()]));
         Kernels {
             words: words(&all),
+            most_rows: all.iter().map(|kernel| kernel.rows.len()).max().unwrap_or(0),
+            widest_row: all
+                .iter()
+                .flat_map(|kernel| &kernel.rows)
+                .map(|row| row.partial.len())
+                .max()
+                .unwrap_or(0),
             first_step,
             tiles: flat.iter().map(|&(origin, shift)| (origin, disc(shift))).collect(),
             of_highlights: keys.iter().map(|key| of_key[key]).collect(),

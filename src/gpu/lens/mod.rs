@@ -13,11 +13,11 @@ pub(super) mod sweep;
 pub use cells::Cells;
 
 use super::commands::Bound::{Read, Write};
-use super::commands::{Commands, Pending};
-use super::device::Gpu;
+use super::commands::Commands;
 use super::resident::Resident;
 use super::shader::{Shader, shader, shared};
 use crate::cancel::Cancel;
+use crate::cpu::lens::cells::Codes;
 use crate::cpu::lens::highlights::{Highlights, extract};
 use crate::cpu::lens::pack::TILE;
 use crate::cpu::lens::plan::Plan;
@@ -28,7 +28,6 @@ use crate::error::Result;
 use crate::optics::Optics;
 use crate::picture::Size;
 use kernels::Kernels;
-use std::sync::Arc;
 
 pub const COPY: Shader = shader!("lens/copy", ["border", "picture"], [CopyParams]);
 
@@ -37,8 +36,19 @@ shared! {
     struct CopyParams {
         size: [u32; 2],
         layers: u32,
-        tile_rows: u32,
+        _end: u32,
     }
+}
+
+/// How often an invocation may go through its loops in one pass; what needs more is shared among passes. No pass then
+/// takes so long that a driver ends it, and llvmpipe, which silently leaves all loops after 65535 turns, never does.
+const MAX_LOOPS: usize = 40_000;
+/// Rows of a tile that one workgroup has, a pixel for each invocation.
+const GROUP_ROWS: usize = 4;
+
+/// Workgroups that cover some tiles.
+fn per_pixel(tiles: usize) -> [u32; 3] {
+    [tiles as u32, TILE.1.div_ceil(GROUP_ROWS) as u32, 1]
 }
 
 /// The size of a frame as shaders have it.
@@ -55,15 +65,15 @@ pub struct Input<'a> {
     pub supersample: usize,
 }
 
-/// Begins to compute the picture.
-pub fn start(
-    gpu: &Arc<Gpu>,
+/// The picture.
+pub fn render(
+    commands: &mut Commands,
     input: &Input,
     optics: &Optics,
     settings: &Settings,
     simd: Simd,
     cancel: &Cancel,
-) -> Result<Pending> {
+) -> Result<wgpu::Buffer> {
     let Input { sheets, cells, .. } = *input;
     let size = sheets.size;
     let plan = Plan::new(sheets, optics, settings, input.supersample);
@@ -78,37 +88,38 @@ pub fn start(
     let kernels = Kernels::new(sheets, &plan, &highlights, &settings.aperture);
     cancel.check()?;
 
-    let out = gpu.output(size)?;
-    let mut commands = Commands::new(gpu);
-    let dim = colors::dim(gpu, &mut commands, cells, &dimmed)?;
-    copy(gpu, &mut commands, input.picture, &plan, &out)?;
-    disc::pass(gpu, &mut commands, cells, &plan, &kernels, dim.buffer(cells), &out)?;
+    let picture = commands.output(size)?;
+    let dim = colors::dim(commands, cells, &dimmed)?;
+    copy(commands, input.picture, &plan, &picture)?;
+    let frame = Frame { cells, codes: &sheets.codes, plan: &plan, picture: &picture };
+    disc::pass(commands, &frame, &kernels, dim.buffer(cells))?;
     if highlights_are_out {
-        let drawn = colors::drawn(gpu, &mut commands, cells, &plan, dim.buffer(cells))?;
-        sweep::pass(gpu, &mut commands, cells, &sheets.codes, &plan, &drawn, &out)?;
+        let drawn = colors::drawn(commands, cells, &plan, dim.buffer(cells))?;
+        sweep::pass(commands, &frame, &drawn)?;
     }
-    highlights::pass(gpu, &mut commands, cells, &sheets.codes, &plan, &kernels, &highlights, &out)?;
-    commands.submit(&out, size.pixels() * size.channels)
+    highlights::pass(commands, &frame, &kernels, &highlights)?;
+    Ok(picture)
+}
+
+/// What the passes over tiles have in common.
+pub(super) struct Frame<'a> {
+    cells: &'a Cells,
+    codes: &'a Codes,
+    plan: &'a Plan,
+    picture: &'a wgpu::Buffer,
 }
 
 /// Tiles in focus.
-fn copy(
-    gpu: &Arc<Gpu>,
-    commands: &mut Commands,
-    picture: &Resident,
-    plan: &Plan,
-    out: &wgpu::Buffer,
-) -> Result<()> {
+fn copy(commands: &mut Commands, picture: &Resident, plan: &Plan, out: &wgpu::Buffer) -> Result<()> {
     let copied = plan.tiles.iter().filter(|tile| tile.work == Work::Copy);
     let origins: Vec<[u32; 2]> = copied.map(|tile| origin(tile.origin)).collect();
     if origins.is_empty() {
         return Ok(());
     }
-    let params =
-        CopyParams { size: pixels(picture.size), layers: picture.layers as u32, tile_rows: TILE.1 as u32 };
-    let tiles = gpu.upload("the tiles in focus", &origins)?;
+    let params = CopyParams { size: pixels(picture.size), layers: picture.layers as u32, _end: 0 };
+    let tiles = commands.gpu.upload("the tiles in focus", &origins)?;
     let buffers = [Read(&picture.color), Read(&picture.disparity), Read(&tiles), Write(out)];
-    commands.pass(&COPY, picture.size.channels, &params, &buffers, [origins.len() as u32, 1, 1])
+    commands.pass(&COPY, picture.size.channels, &params, &buffers, per_pixel(origins.len()))
 }
 
 /// The first pixel of a tile as shaders have it.

@@ -1,7 +1,6 @@
 //! Tiles where visibility matters.
 
-use super::cells::Cells;
-use super::{origin, pixels};
+use super::{Frame, MAX_LOOPS, origin, pixels};
 use crate::cpu::lens::blocks::{BLOCK, DepthBits};
 use crate::cpu::lens::cells::Codes;
 use crate::cpu::lens::pack::TILE;
@@ -10,17 +9,19 @@ use crate::cpu::lens::tiles::Work;
 use crate::error::Result;
 use crate::gpu::commands::Bound::{Read, Write};
 use crate::gpu::commands::Commands;
-use crate::gpu::device::Gpu;
 use crate::gpu::shader::{Shader, shader, shared};
 use crate::views;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 pub const SWEEP: Shader = shader!("lens/sweep", ["border", "lens/cells"], [SweepParams, Tile, View, Stretch]);
 
 /// Rows of a tile that one workgroup sweeps.
 const ROWS: usize = 16;
+/// Views whose stretches a workgroup looks at together.
+const BATCH: usize = 64;
+/// Stretches of a view that hold cells near a tile, more or less.
+const FOLLOWED: usize = 20;
 
 shared! {
     struct SweepParams {
@@ -30,6 +31,8 @@ shared! {
         block: u32,
         sheets: u32,
         missed: u32,
+        first_view: u32,
+        end_view: u32,
         _end: u32,
     }
 }
@@ -60,7 +63,7 @@ shared! {
 }
 
 /// Depths as words of 32 bits.
-fn words(bits: &DepthBits) -> [u32; 8] {
+fn depth_words(bits: &DepthBits) -> [u32; 8] {
     std::array::from_fn(|i| (bits[i / 2] >> (32 * (i % 2))) as u32)
 }
 
@@ -102,43 +105,54 @@ fn trace(codes: &Codes, s_focus: f64, view: &views::View) -> ([f32; 2], Vec<Stre
     (slope.map(|v| v as f32), stretches)
 }
 
-/// The ways of all views, and for each number of views the first one.
-fn paths(codes: &Codes, plan: &Plan) -> (Vec<View>, Vec<Stretch>, BTreeMap<usize, u32>) {
-    let (mut views, mut stretches, mut first_views) = (Vec::new(), Vec::new(), BTreeMap::new());
-    for (&count, set) in &plan.view_sets {
-        first_views.insert(count, views.len() as u32);
-        let traced: Vec<_> = set.par_iter().map(|view| trace(codes, plan.s_focus, view)).collect();
-        for (slope, way) in traced {
-            let first = stretches.len() as u32;
-            stretches.extend(way);
-            views.push(View { slope, first, end: stretches.len() as u32 });
+/// The ways of all views.
+struct Paths {
+    /// Views, then stretches.
+    words: Vec<[u32; 4]>,
+    /// For each number of views the first one.
+    first_views: BTreeMap<usize, u32>,
+    /// The most stretches that any view has.
+    longest: usize,
+}
+
+impl Paths {
+    fn new(codes: &Codes, plan: &Plan) -> Paths {
+        let total = plan.view_sets.values().map(Vec::len).sum::<usize>();
+        let (mut views, mut stretches) = (Vec::with_capacity(total), Vec::new());
+        let (mut first_views, mut longest) = (BTreeMap::new(), 0);
+        for (&count, set) in &plan.view_sets {
+            first_views.insert(count, views.len() as u32);
+            let traced: Vec<_> = set.par_iter().map(|view| trace(codes, plan.s_focus, view)).collect();
+            for (slope, way) in traced {
+                longest = longest.max(way.len());
+                let first = (total + stretches.len()) as u32;
+                let end = first + way.len() as u32;
+                stretches.extend(way);
+                views.push(View { slope, first, end });
+            }
         }
+        let views = bytemuck::cast_slice::<View, [u32; 4]>(&views);
+        let stretches = bytemuck::cast_slice::<Stretch, [u32; 4]>(&stretches);
+        Paths { words: [views, stretches].concat(), first_views, longest }
     }
-    (views, stretches, first_views)
 }
 
 /// Sweeps the tiles over the `drawn` colours.
-pub fn pass(
-    gpu: &Arc<Gpu>,
-    commands: &mut Commands,
-    cells: &Cells,
-    codes: &Codes,
-    plan: &Plan,
-    drawn: &wgpu::Buffer,
-    out: &wgpu::Buffer,
-) -> Result<()> {
-    let (views, stretches, first_views) = paths(codes, plan);
+pub fn pass(commands: &mut Commands, frame: &Frame, drawn: &wgpu::Buffer) -> Result<()> {
+    let Frame { cells, codes, plan, picture } = *frame;
+    let gpu = commands.gpu;
+    let Paths { words: paths, first_views, longest } = Paths::new(codes, plan);
     let tile = |tile: &crate::cpu::lens::tiles::Tile| match &tile.work {
         Work::Sweep { views, occupied } => Some(Tile {
             origin: origin(tile.origin),
             first_view: first_views[views],
             views: *views as u32,
-            occupied: words(occupied),
+            occupied: depth_words(occupied),
         }),
         Work::Copy | Work::Disc => None,
     };
     let tiles: Vec<Tile> = plan.tiles.iter().filter_map(tile).collect();
-    let windows: Vec<[u32; 8]> = plan.blocks.windows().par_iter().map(words).collect();
+    let windows: Vec<[u32; 8]> = plan.blocks.windows().par_iter().map(depth_words).collect();
     let params = SweepParams {
         size: pixels(cells.size),
         pad: plan.padding.pad as u32,
@@ -146,22 +160,33 @@ pub fn pass(
         block: BLOCK as u32,
         sheets: cells.sheets as u32,
         missed: plan.missed as u32,
+        first_view: 0,
+        end_view: 0,
         _end: 0,
     };
     let groups = [tiles.len() as u32, TILE.1.div_ceil(ROWS) as u32, 1];
-    let views = gpu.upload("the views", &views)?;
-    let stretches = gpu.upload("the ways of the views", &stretches)?;
+    let paths = gpu.upload("the ways of the views", &paths)?;
     let tiles = gpu.upload("the tiles that are swept", &tiles)?;
     let windows = gpu.upload("the depths around tiles", &windows)?;
+    let missed = commands.scratch::<f32>("the views that met nothing", cells.size.pixels())?;
     let buffers = [
         Read(&cells.codes),
         Read(drawn),
         Read(&cells.half_planes),
-        Read(&views),
-        Read(&stretches),
+        Read(&paths),
         Read(&tiles),
         Read(&windows),
-        Write(out),
+        Write(&missed),
+        Write(picture),
     ];
-    commands.pass(&SWEEP, cells.size.channels, &params, &buffers, groups)
+    // An invocation looks at all stretches of one view of each batch, and follows all its views.
+    let loops_a_batch = longest * (2 + 2 * cells.sheets) + BATCH * FOLLOWED * (1 + cells.sheets);
+    let at_once = (MAX_LOOPS / loops_a_batch).max(1) * BATCH;
+    let most = plan.view_sets.keys().copied().max().unwrap_or(0);
+    for first_view in (0..most).step_by(at_once) {
+        let params =
+            SweepParams { first_view: first_view as u32, end_view: (first_view + at_once) as u32, ..params };
+        commands.pass(&SWEEP, cells.size.channels, &params, &buffers, groups)?;
+    }
+    Ok(())
 }

@@ -1,11 +1,11 @@
 use super::Shader;
-use crate::gpu::{gaussian, lens, taps};
+use crate::gpu::{gaussian, lens, resolve, taps};
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{Module, ShaderStage, TypeInner, front::wgsl};
 use std::path::Path;
 
 /// Every shader there is.
-const SHADERS: [Shader; 13] = [
+const SHADERS: [Shader; 14] = [
     gaussian::HALVE,
     gaussian::BLUR_X,
     gaussian::BLUR_Y,
@@ -18,6 +18,7 @@ const SHADERS: [Shader; 13] = [
     lens::disc::DISC,
     lens::sweep::SWEEP,
     lens::highlights::HIGHLIGHTS,
+    resolve::RESOLVE,
     taps::TAPS,
 ];
 
