@@ -1,8 +1,8 @@
 """How fast an adapter is: every method that has a GPU path, as a table for the documentation.
 
-Run this file on a machine with a GPU, with the dependency group `bench`. Times are medians over some runs: on the
-device as its own timestamps have them, and from NumPy arrays to NumPy arrays with the scene prepared and with
-everything anew. For comparison, the same on the CPU.
+Run this file on a machine with a GPU, with the dependency group `bench`. Times are medians over some runs: on
+the device as its own timestamps have them, and from NumPy arrays to NumPy arrays with the scene prepared and
+with everything anew. For comparison, the same on the CPU.
 """
 
 import argparse
