@@ -37,5 +37,12 @@ pub fn views(aperture: &Aperture, n: usize) -> Vec<View> {
     const PLASTIC: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
     let start = |i: usize| PLASTIC.map(|a| (0.5 + (i + 1) as f64 * a).fract() - 0.5);
     let lens_points = aperture.lens_points(n).into_iter().enumerate();
-    lens_points.map(|(i, lens)| View { lens, start: start(i) }).collect()
+    let mut views: Vec<View> = lens_points.map(|(i, lens)| View { lens, start: start(i) }).collect();
+    // Neighbours look at nearly the same cells, which one after another are still in the first level of the cache:
+    // to and fro along strips that hold about as many views as there are strips.
+    let strips = (n as f64).sqrt();
+    let strip = |view: &View| ((0.5 + 0.5 * view.lens[1]) * strips) as usize;
+    let along = |view: &View| if strip(view) % 2 == 0 { view.lens[0] } else { -view.lens[0] };
+    views.sort_by(|a, b| strip(a).cmp(&strip(b)).then(along(a).total_cmp(&along(b))));
+    views
 }

@@ -79,7 +79,7 @@ impl<T: Real> Surroundings<T> {
         let n = last + 1 - first;
         self.row.resize(n * size.channels, 0.0);
         for (j, &y) in rows.iter().enumerate() {
-            colors.copy_row(y, first..last + 1, &mut self.row);
+            colors.copy_row(y, first..last + 1, n, &mut self.row);
             for (c, row) in self.row.chunks_exact(n).enumerate() {
                 let color = &mut self.color[(c * down + j) * across..][..across];
                 color.iter_mut().zip(&columns).for_each(|(v, &x)| *v = row[x - first].into());

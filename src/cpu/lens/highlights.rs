@@ -90,7 +90,7 @@ impl Surroundings {
             let mut blocks = vec![(Light::default(), f32::NEG_INFINITY); across];
             scratch.resize(size.width * size.channels, 0.0);
             for y in by * BLOCK..(by * BLOCK + BLOCK).min(size.height) {
-                colors.copy_row(y, 0..size.width, scratch);
+                colors.copy_row(y, 0..size.width, size.width, scratch);
                 simd.run(
                     #[inline(always)]
                     || add_row(scratch, size.width, lights, &mut blocks),
