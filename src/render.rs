@@ -66,6 +66,24 @@ impl Method {
     }
 }
 
+/// How long one pass took on a GPU.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PassTime {
+    /// The shader.
+    pub name: &'static str,
+    /// Its time on the device.
+    pub seconds: f64,
+}
+
+/// One picture of a scene.
+#[derive(Debug, Clone)]
+pub struct Rendered {
+    /// Interleaved, premultiplied where it has coverage.
+    pub pixels: Vec<f32>,
+    /// The passes that made it, in order; empty on the CPU, and where a GPU keeps no time.
+    pub passes: Vec<PassTime>,
+}
+
 /// A picture on its device, with what has been prepared from it.
 pub struct Scene {
     picture: Picture,
@@ -100,32 +118,32 @@ impl Scene {
         Ok(sheets)
     }
 
-    /// The scene through a lens, interleaved, premultiplied where it has coverage. The method has been
-    /// [checked](Method::check).
-    pub fn render(
+    /// The scene through each of some lenses. The method has been [checked](Method::check).
+    pub fn render_each(
         &self,
-        optics: &Optics,
+        optics: &[Optics],
         method: &Method,
         device: Device,
         simd: Simd,
         cancel: &Cancel,
-    ) -> Result<Vec<f32>> {
-        let full = match device.place(method)? {
-            Place::Cpu => self.on_cpu(optics, method, simd, cancel),
+    ) -> Result<Vec<Rendered>> {
+        match device.place(method)? {
+            Place::Cpu => optics.iter().map(|optics| self.on_cpu(optics, method, simd, cancel)).collect(),
             Place::Gpu(adapter) => {
-                gpu::render(adapter, &self.picture, &self.residence, optics, method, cancel)
-                    .map(|finished| finished.values)
+                let source = gpu::Source {
+                    picture: &self.picture,
+                    residence: &self.residence,
+                    sheets: |optics: &Optics| self.sheets(optics, simd, cancel),
+                    supersample: self.supersample,
+                };
+                gpu::render_each(adapter, &source, optics, method, simd, cancel)
             }
-        }?;
-        Ok(match self.supersample {
-            1 => full,
-            n => cpu::resolve::box_average(&full, self.picture.size, n),
-        })
+        }
     }
 
-    fn on_cpu(&self, optics: &Optics, method: &Method, simd: Simd, cancel: &Cancel) -> Result<Vec<f32>> {
+    fn on_cpu(&self, optics: &Optics, method: &Method, simd: Simd, cancel: &Cancel) -> Result<Rendered> {
         let (picture, size, front) = (&self.picture, self.picture.size, &self.picture.layers[0]);
-        match method {
+        let full = match method {
             Method::Lens(settings) => {
                 let sheets = self.sheets(optics, simd, cancel)?;
                 cpu::lens::render(picture, &sheets, optics, settings, self.supersample, simd, cancel)
@@ -138,6 +156,11 @@ impl Scene {
             }
             Method::Levels(settings) => cpu::levels::render(front, size, optics, settings, simd, cancel),
             Method::Sprites(settings) => cpu::sprites::render(front, size, optics, settings, simd, cancel),
-        }
+        }?;
+        let pixels = match self.supersample {
+            1 => full,
+            n => cpu::resolve::box_average(&full, size, n),
+        };
+        Ok(Rendered { pixels, passes: Vec::new() })
     }
 }

@@ -349,6 +349,83 @@ class Scene:
         threads: int | None = None,
         **options: Unpack[_SpritesOptions],
     ) -> NDArray[Any]: ...
+    @overload
+    def profile(
+        self,
+        /,
+        lens: Lens,
+        *,
+        method: Literal["lens"] = "lens",
+        aperture: Aperture | None = None,
+        threads: int | None = None,
+        **options: Unpack[_LensOptions],
+    ) -> list[tuple[str, float]]: ...
+    @overload
+    def profile(
+        self,
+        /,
+        lens: Lens,
+        *,
+        method: Literal["poisson"],
+        aperture: Aperture | None = None,
+        threads: int | None = None,
+        **options: Unpack[_PoissonOptions],
+    ) -> list[tuple[str, float]]: ...
+    @overload
+    def profile(
+        self,
+        /,
+        lens: Lens,
+        *,
+        method: Literal["gaussian"],
+        aperture: Aperture | None = None,
+        threads: int | None = None,
+        **options: Unpack[_GaussianOptions],
+    ) -> list[tuple[str, float]]: ...
+    @overload
+    def profile(
+        self,
+        /,
+        lens: Lens,
+        *,
+        method: Literal["taps"],
+        aperture: Aperture | None = None,
+        threads: int | None = None,
+        **options: Unpack[_TapsOptions],
+    ) -> list[tuple[str, float]]: ...
+    @overload
+    def profile(
+        self,
+        /,
+        lens: Lens,
+        *,
+        method: Literal["hexagonal"],
+        aperture: Aperture | None = None,
+        threads: int | None = None,
+        **options: Unpack[_HexagonalOptions],
+    ) -> list[tuple[str, float]]: ...
+    @overload
+    def profile(
+        self,
+        /,
+        lens: Lens,
+        *,
+        method: Literal["levels"],
+        aperture: Aperture | None = None,
+        threads: int | None = None,
+        **options: Unpack[_LevelsOptions],
+    ) -> list[tuple[str, float]]: ...
+    @overload
+    def profile(
+        self,
+        /,
+        lens: Lens,
+        *,
+        method: Literal["sprites"],
+        aperture: Aperture | None = None,
+        threads: int | None = None,
+        **options: Unpack[_SpritesOptions],
+    ) -> list[tuple[str, float]]: ...
 
 @final
 class ExrPart:

@@ -1,10 +1,12 @@
 //! Passes over buffers, run one after another, and what comes back.
 
-use super::device::Gpu;
+use super::device::{Gpu, lock};
 use super::shader::Shader;
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::memory;
+use crate::picture::Size;
+use crate::render::{PassTime, Rendered};
 use bytemuck::Pod;
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
@@ -17,6 +19,8 @@ const CANCEL_INTERVAL: Duration = Duration::from_millis(20);
 const MAX_TIMED: u32 = 64;
 /// Values that one worker copies at a time.
 const COPIED: usize = 1 << 18;
+/// Buffers that are kept for pictures to come back in: while one is read, the next is filled.
+const MAX_SPARE_BACK: usize = 2;
 /// Pixels along each axis of the workgroups of passes over frames.
 pub const GROUP: usize = 16;
 
@@ -29,35 +33,26 @@ pub enum Bound<'a> {
     Write(&'a wgpu::Buffer),
 }
 
-/// How long one pass took on the device.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PassTime {
-    /// The shader.
-    pub name: &'static str,
-    /// Its time on the device.
-    pub seconds: f64,
-}
-
-/// What a job has come to.
-pub struct Finished {
-    /// The values of its output.
-    pub values: Vec<f32>,
-    /// Its passes, in order; empty if the device keeps no time.
-    pub passes: Vec<PassTime>,
+/// Takes a buffer of this size out of some.
+fn take(spare: &mut Vec<wgpu::Buffer>, bytes: usize) -> Option<wgpu::Buffer> {
+    let fits = spare.iter().position(|buffer| buffer.size() == bytes as u64)?;
+    Some(spare.swap_remove(fits))
 }
 
 /// Workgroups that cover a frame.
-pub fn groups(width: usize, height: usize) -> [u32; 2] {
-    [width, height].map(|side| side.div_ceil(GROUP) as u32)
+pub fn groups(width: usize, height: usize) -> [u32; 3] {
+    [width.div_ceil(GROUP) as u32, height.div_ceil(GROUP) as u32, 1]
 }
 
 /// Passes that are being put together.
 pub struct Commands<'a> {
-    gpu: &'a Arc<Gpu>,
+    pub gpu: &'a Arc<Gpu>,
     encoder: wgpu::CommandEncoder,
     /// Begin and end of every pass, if the device keeps time.
     stamps: Option<wgpu::QuerySet>,
     passes: Vec<&'static str>,
+    /// Buffers that the next job may use.
+    taken: Vec<wgpu::Buffer>,
 }
 
 impl<'a> Commands<'a> {
@@ -71,7 +66,23 @@ impl<'a> Commands<'a> {
             })
         });
         let encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        Commands { gpu, encoder, stamps, passes: Vec::new() }
+        Commands { gpu, encoder, stamps, passes: Vec::new(), taken: Vec::new() }
+    }
+
+    /// A buffer of `len` values that passes write and read. It may hold those of an earlier job, which the device has
+    /// done before it begins this one.
+    pub fn scratch<T: Pod>(&mut self, what: &'static str, len: usize) -> Result<wgpu::Buffer> {
+        let bytes = len * size_of::<T>();
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
+        let spare = take(&mut lock(&self.gpu.spare), bytes);
+        let buffer = spare.map_or_else(|| self.gpu.buffer(what, bytes, usage), Ok)?;
+        self.taken.push(buffer.clone());
+        Ok(buffer)
+    }
+
+    /// A buffer for an interleaved picture of this size.
+    pub fn output(&mut self, size: Size) -> Result<wgpu::Buffer> {
+        self.scratch::<f32>("the result", size.pixels() * size.channels)
     }
 
     /// Runs a shader on `groups` workgroups. Binding 0 is `params`, the following ones are `buffers`.
@@ -81,7 +92,7 @@ impl<'a> Commands<'a> {
         channels: usize,
         params: &P,
         buffers: &[Bound],
-        groups: [u32; 2],
+        groups: [u32; 3],
     ) -> Result<()> {
         let device = &self.gpu.device;
         let params = self.gpu.filled("parameters", bytemuck::bytes_of(params), BufferUsages::UNIFORM)?;
@@ -122,18 +133,25 @@ impl<'a> Commands<'a> {
         let mut pass = self.encoder.begin_compute_pass(&descriptor);
         pass.set_pipeline(&pipeline);
         pass.set_bind_group(0, &bind_group, &[]);
-        pass.dispatch_workgroups(groups[0], groups[1], 1);
+        pass.dispatch_workgroups(groups[0], groups[1], groups[2]);
         drop(pass);
         self.passes.push(shader.name);
         Ok(())
     }
 
-    /// Runs the passes, after which the first `len` values of `output` come back.
-    pub fn submit(mut self, output: &wgpu::Buffer, len: usize) -> Result<Pending> {
+    /// Copies a buffer whole.
+    pub fn copy(&mut self, from: &wgpu::Buffer, to: &wgpu::Buffer) {
+        self.encoder.copy_buffer_to_buffer(from, 0, to, 0, from.size());
+    }
+
+    /// Runs the passes, after which `output` comes back.
+    pub fn submit(mut self, output: &wgpu::Buffer) -> Result<Pending> {
         let gpu = self.gpu;
-        let bytes = (len * size_of::<f32>()) as u64;
+        let bytes = output.size();
         let back = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
-        let values = gpu.buffer("the picture that comes back", bytes as usize, back)?;
+        let spare = take(&mut lock(&gpu.spare_back), bytes as usize);
+        let values =
+            spare.map_or_else(|| gpu.buffer("the picture that comes back", bytes as usize, back), Ok)?;
         self.encoder.copy_buffer_to_buffer(output, 0, &values, 0, bytes);
         let timed = self.passes.len().min(MAX_TIMED as usize);
         let stamps = match &self.stamps {
@@ -149,6 +167,7 @@ impl<'a> Commands<'a> {
             _ => None,
         };
         let submission = gpu.queue.submit([self.encoder.finish()]);
+        *lock(&gpu.spare) = self.taken;
         Ok(Pending {
             gpu: Arc::clone(gpu),
             submission,
@@ -204,7 +223,7 @@ pub struct Pending {
 
 impl Pending {
     /// Waits for the passes to end.
-    pub fn wait(self, cancel: &Cancel) -> Result<Finished> {
+    pub fn wait(self, cancel: &Cancel) -> Result<Rendered> {
         let gpu = &self.gpu;
         loop {
             let submission_index = Some(self.submission.clone());
@@ -215,7 +234,7 @@ impl Pending {
                 Err(error) => return Err(gpu.error(error)),
             }
         }
-        let values = self.values.read(gpu, |bytes| {
+        let pixels = self.values.read(gpu, |bytes| {
             let mut values: Vec<f32> = memory::zeros(bytes.len() / size_of::<f32>());
             let source: &[f32] = bytemuck::cast_slice(bytes);
             values
@@ -235,6 +254,10 @@ impl Pending {
             })
         })?;
         gpu.check()?;
-        Ok(Finished { values, passes })
+        self.values.buffer.unmap();
+        let mut spare = lock(&gpu.spare_back);
+        spare.truncate(MAX_SPARE_BACK - 1);
+        spare.insert(0, self.values.buffer);
+        Ok(Rendered { pixels, passes })
     }
 }

@@ -3,11 +3,12 @@
 use super::adapters::{self, Adapter};
 use super::shader::Shader;
 use crate::error::{Error, Result};
-use crate::picture::Size;
 use bytemuck::Pod;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+/// What is open, by process and adapter.
+type Open = HashMap<(u32, usize), Arc<Gpu>>;
 /// A pipeline by the shader's name and the number of channels.
 type Pipelines = HashMap<(&'static str, usize), Arc<wgpu::ComputePipeline>>;
 
@@ -19,15 +20,19 @@ pub struct Gpu {
     pub(super) queue: wgpu::Queue,
     pub(super) limits: wgpu::Limits,
     pipelines: Mutex<Pipelines>,
+    /// Buffers of the last job that the next one may use.
+    pub(super) spare: Mutex<Vec<wgpu::Buffer>>,
+    /// The same of those that come back.
+    pub(super) spare_back: Mutex<Vec<wgpu::Buffer>>,
     /// What went wrong outside of any call.
     fault: Arc<Mutex<Option<String>>>,
 }
 
-/// The adapters that are open, by process and adapter. Those of a parent process stay, because a forked child must not
+/// The adapters that are open. Those of a parent process stay, because a forked child must not
 /// free them.
-static OPEN: Mutex<Option<HashMap<(u32, usize), Arc<Gpu>>>> = Mutex::new(None);
+static OPEN: Mutex<Option<Open>> = Mutex::new(None);
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     // What a poisoned lock holds is whole or absent.
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -78,7 +83,17 @@ impl Gpu {
             lock(&lost).get_or_insert(format!("the device was lost: {reason}"));
         });
         let name = adapter.name.clone();
-        Ok(Gpu { adapter: index, name, device, queue, limits, pipelines: Mutex::default(), fault })
+        Ok(Gpu {
+            adapter: index,
+            name,
+            device,
+            queue,
+            limits,
+            pipelines: Mutex::default(),
+            spare: Mutex::default(),
+            spare_back: Mutex::default(),
+            fault,
+        })
     }
 
     /// Makes the next call open the adapter anew.
@@ -89,11 +104,6 @@ impl Gpu {
         if let Some(open) = open.as_mut().filter(|open| open.get(&key).is_some_and(is_this)) {
             open.remove(&key);
         }
-    }
-
-    /// Takes the device away, as a driver that crashed would.
-    pub fn destroy(&self) {
-        self.device.destroy();
     }
 
     /// An error in this device's name.
@@ -137,7 +147,8 @@ impl Gpu {
 
     /// A storage buffer of `values`.
     pub(super) fn upload<T: Pod>(&self, what: &'static str, values: &[T]) -> Result<wgpu::Buffer> {
-        self.filled(what, bytemuck::cast_slice(values), wgpu::BufferUsages::STORAGE)
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+        self.filled(what, bytemuck::cast_slice(values), usage)
     }
 
     /// A buffer of these bytes.
@@ -153,17 +164,6 @@ impl Gpu {
         drop(mapped);
         buffer.unmap();
         Ok(buffer)
-    }
-
-    /// A storage buffer of `len` values that passes write and read.
-    pub(super) fn scratch<T: Pod>(&self, what: &'static str, len: usize) -> Result<wgpu::Buffer> {
-        self.buffer(what, len * size_of::<T>(), wgpu::BufferUsages::STORAGE)
-    }
-
-    /// A buffer for an interleaved picture of this size.
-    pub(super) fn output(&self, size: Size) -> Result<wgpu::Buffer> {
-        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
-        self.buffer("the result", size.pixels() * size.channels * size_of::<f32>(), usage)
     }
 
     fn new_buffer(
@@ -203,10 +203,12 @@ impl Gpu {
         if let Some(pipeline) = lock(&self.pipelines).get(&key) {
             return Arc::clone(pipeline);
         }
-        let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some(shader.name),
-            source: wgpu::ShaderSource::Wgsl(shader.source.into()),
-        });
+        let source = wgpu::ShaderSource::Wgsl(shader.source.into());
+        let descriptor = wgpu::ShaderModuleDescriptor { label: Some(shader.name), source };
+        // Counters that end endless loops would keep drivers from unrolling loops.
+        let checks = wgpu::ShaderRuntimeChecks { force_loop_bounding: false, ..Default::default() };
+        // SAFETY: the project's own shaders have no endless loop: each counts up to a bound, and every other check stays.
+        let module = unsafe { self.device.create_shader_module_trusted(descriptor, checks) };
         let layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some(shader.name),
             bind_group_layouts: &[Some(layout)],

@@ -1,14 +1,12 @@
 //! Carries out [`plan::gaussian`](crate::plan::gaussian).
 
 use super::commands::Bound::{Read, Write};
-use super::commands::{Commands, Pending, groups};
-use super::device::Gpu;
+use super::commands::{Commands, groups};
 use super::resident::Resident;
 use super::shader::{Defocus, Shader, shader, shared};
 use crate::error::Result;
 use crate::optics::Optics;
 use crate::plan::gaussian::{Plan, REACH, Settings};
-use std::sync::Arc;
 
 pub const HALVE: Shader = shader!("gaussian/halve", ["border", "picture", "defocus"], [FrameParams, Defocus]);
 pub const BLUR_X: Shader = shader!("gaussian/blur_x", ["border"], [AcrossParams, Tap]);
@@ -52,8 +50,14 @@ shared! {
     }
 }
 
-/// Begins to compute the picture.
-pub fn start(gpu: &Arc<Gpu>, scene: &Resident, optics: &Optics, settings: &Settings) -> Result<Pending> {
+/// The picture.
+pub fn render(
+    commands: &mut Commands,
+    scene: &Resident,
+    optics: &Optics,
+    settings: &Settings,
+) -> Result<wgpu::Buffer> {
+    let gpu = commands.gpu;
     let plan = Plan::new(settings, optics);
     let (size, c) = (scene.size, scene.size.channels);
     let half = (size.width.div_ceil(2), size.height.div_ceil(2));
@@ -71,13 +75,14 @@ pub fn start(gpu: &Arc<Gpu>, scene: &Resident, optics: &Optics, settings: &Setti
     };
     let taps = gpu.upload("the table of taps", &plan.taps.each_ref().map(tap))?;
     let weights = gpu.upload("the table of weights", &plan.weights)?;
-    let colors = || gpu.scratch::<[f32; 4]>("a half-size copy", half.0 * half.1);
-    let values = || gpu.scratch::<f32>("the weights of a half-size copy", half.0 * half.1);
     // The blur along y writes where the copy was.
-    let (color, blurriness, sum_color, sum_weight) = (colors()?, values()?, colors()?, values()?);
-    let picture = gpu.output(size)?;
+    let texels = half.0 * half.1;
+    let color = commands.scratch::<[f32; 4]>("a half-size copy", texels)?;
+    let blurriness = commands.scratch::<f32>("its blurriness", texels)?;
+    let sum_color = commands.scratch::<[f32; 4]>("the half-size copy blurred along x", texels)?;
+    let sum_weight = commands.scratch::<f32>("its weights", texels)?;
+    let picture = commands.output(size)?;
 
-    let mut commands = Commands::new(gpu);
     let (on_half, on_full) = (groups(half.0, half.1), groups(size.width, size.height));
     let input = [Read(&scene.color), Read(&scene.disparity)];
     let [own, depth] = input;
@@ -104,5 +109,5 @@ pub fn start(gpu: &Arc<Gpu>, scene: &Resident, optics: &Optics, settings: &Setti
         on_half,
     )?;
     commands.pass(&COMPOSITE, c, &frame, &[own, depth, Read(&color), Write(&picture)], on_full)?;
-    commands.submit(&picture, size.pixels() * c)
+    Ok(picture)
 }

@@ -7,47 +7,108 @@ pub mod adapters;
 mod commands;
 mod device;
 mod gaussian;
+mod lens;
 mod process;
 mod resident;
+mod resolve;
 mod shader;
 mod taps;
+#[cfg(test)]
+mod tests;
 
-pub use commands::{Finished, PassTime};
 pub use device::Gpu;
 pub use resident::Residence;
 
 use crate::cancel::Cancel;
+use crate::cpu::lens::Sheets;
+use crate::cpu::simd::Simd;
 use crate::error::{Error, Result};
 use crate::optics::Optics;
 use crate::picture::Picture;
-use crate::render::Method;
+use crate::render::{Method, Rendered};
+use commands::{Commands, Pending};
+use std::sync::Arc;
 
 /// The methods that have a GPU path.
-pub const METHODS: [&str; 2] = ["gaussian", "taps"];
+pub const METHODS: [&str; 3] = ["lens", "gaussian", "taps"];
 
-/// The picture through a lens, interleaved, from the adapter that is the `adapter`th of [`adapters::all`].
-pub fn render(
+/// What is rendered.
+pub struct Source<'a, S> {
+    /// The picture with its disparity.
+    pub picture: &'a Picture,
+    /// Where it is kept.
+    pub residence: &'a Residence,
+    /// Prepares the sheets for a lens.
+    pub sheets: S,
+    /// Pixels of the picture to one of the output, along each axis.
+    pub supersample: usize,
+}
+
+/// The picture through each of some lenses, interleaved, from the adapter that is the `adapter`th of [`adapters::all`].
+/// One picture comes back while the next one is computed.
+pub fn render_each<S: Fn(&Optics) -> Result<Arc<Sheets>>>(
     adapter: usize,
-    picture: &Picture,
-    residence: &Residence,
-    optics: &Optics,
+    source: &Source<S>,
+    optics: &[Optics],
     method: &Method,
+    simd: Simd,
     cancel: &Cancel,
-) -> Result<Finished> {
+) -> Result<Vec<Rendered>> {
     let gpu = Gpu::open(adapter)?;
     let work = || {
-        let scene = residence.on(&gpu, picture)?;
-        let pending = gpu.guarded(|| match method {
-            Method::Gaussian(settings) => gaussian::start(&gpu, &scene, optics, settings),
-            Method::Taps(settings) => taps::start(&gpu, &scene, optics, settings),
-            other => Err(no_path(other.name())),
-        })?;
-        pending.wait(cancel)
+        let mut rendered = Vec::with_capacity(optics.len());
+        let mut running: Option<Pending> = None;
+        for optics in optics {
+            let next = start(&gpu, source, optics, method, simd, cancel)?;
+            if let Some(before) = running.replace(next) {
+                rendered.push(before.wait(cancel)?);
+            }
+        }
+        rendered.extend(running.map(|last| last.wait(cancel)).transpose()?);
+        Ok(rendered)
     };
     work().inspect_err(|error| {
         if matches!(error, Error::Device(_)) {
             gpu.retire();
         }
+    })
+}
+
+/// Begins to compute one picture.
+fn start<S: Fn(&Optics) -> Result<Arc<Sheets>>>(
+    gpu: &Arc<Gpu>,
+    source: &Source<S>,
+    optics: &Optics,
+    method: &Method,
+    simd: Simd,
+    cancel: &Cancel,
+) -> Result<Pending> {
+    let picture = source.residence.picture(gpu, source.picture)?;
+    // What takes long on the CPU, and is kept, comes first.
+    let prepared = match method {
+        Method::Lens(_) => {
+            let sheets = (source.sheets)(optics)?;
+            let cells = source.residence.cells(gpu, &sheets)?;
+            Some((sheets, cells))
+        }
+        _ => None,
+    };
+    gpu.guarded(|| {
+        let mut commands = Commands::new(gpu);
+        let full = match (method, &prepared) {
+            (Method::Lens(settings), Some((sheets, cells))) => {
+                let input = lens::Input { picture: &picture, sheets, cells, supersample: source.supersample };
+                lens::render(&mut commands, &input, optics, settings, simd, cancel)
+            }
+            (Method::Gaussian(settings), _) => gaussian::render(&mut commands, &picture, optics, settings),
+            (Method::Taps(settings), _) => taps::render(&mut commands, &picture, optics, settings),
+            (other, _) => Err(no_path(other.name())),
+        }?;
+        let output = match source.supersample {
+            1 => full,
+            n => resolve::box_average(&mut commands, &full, picture.size, n)?,
+        };
+        commands.submit(&output)
     })
 }
 

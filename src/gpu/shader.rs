@@ -58,8 +58,8 @@ macro_rules! shader {
         $crate::gpu::shader::Shader {
             name: $name,
             source: concat!(
-                $(include_str!(concat!("../../shaders/", $part, ".wgsl")),)*
-                include_str!(concat!("../../shaders/", $name, ".wgsl"))
+                $(include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/", $part, ".wgsl")),)*
+                include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/", $name, ".wgsl"))
             ),
             shared: &[$(<$shared>::LAYOUT),*],
         }

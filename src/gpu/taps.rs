@@ -1,14 +1,12 @@
 //! Carries out [`plan::taps`](crate::plan::taps).
 
 use super::commands::Bound::{Read, Write};
-use super::commands::{Commands, Pending, groups};
-use super::device::Gpu;
+use super::commands::{Commands, groups};
 use super::resident::Resident;
 use super::shader::{Defocus, Shader, shader, shared};
 use crate::error::Result;
 use crate::optics::Optics;
 use crate::plan::taps::{MAX_BLUR, Plan, Settings};
-use std::sync::Arc;
 
 pub const TAPS: Shader = shader!("taps", ["border", "picture", "defocus"], [Params, Tap, Defocus]);
 
@@ -41,8 +39,13 @@ impl From<&crate::plan::taps::Tap> for Tap {
     }
 }
 
-/// Begins to compute the picture.
-pub fn start(gpu: &Arc<Gpu>, scene: &Resident, optics: &Optics, settings: &Settings) -> Result<Pending> {
+/// The picture.
+pub fn render(
+    commands: &mut Commands,
+    scene: &Resident,
+    optics: &Optics,
+    settings: &Settings,
+) -> Result<wgpu::Buffer> {
     let plan = Plan::new(settings, optics);
     let size = scene.size;
     let taps: Vec<Tap> = plan.taps.iter().map(Tap::from).collect();
@@ -56,10 +59,9 @@ pub fn start(gpu: &Arc<Gpu>, scene: &Resident, optics: &Optics, settings: &Setti
         defocus: plan.defocus().into(),
         _end: 0,
     };
-    let taps = gpu.upload("the table of look-ups", &taps)?;
-    let picture = gpu.output(size)?;
-    let mut commands = Commands::new(gpu);
+    let taps = commands.gpu.upload("the table of look-ups", &taps)?;
+    let picture = commands.output(size)?;
     let buffers = [Read(&scene.color), Read(&scene.disparity), Read(&taps), Write(&picture)];
     commands.pass(&TAPS, size.channels, &params, &buffers, groups(size.width, size.height))?;
-    commands.submit(&picture, size.pixels() * size.channels)
+    Ok(picture)
 }

@@ -5,6 +5,7 @@ use super::arrays::{
     ColorFormat, DepthWords, Input, read_depth, read_depth_kind, read_depth_words, read_invalid, write_color,
 };
 use super::devices::read_device;
+use super::errors::DeviceError;
 use super::lens::PyLens;
 use super::methods::read_method;
 use super::run::{detached, installed, simd};
@@ -12,7 +13,7 @@ use crate::depth::{DepthKind, Invalid, disparity_plane};
 use crate::device::Device;
 use crate::optics::{Lens, Optics};
 use crate::picture::Size;
-use crate::render::{Method, Scene};
+use crate::render::{Method, Rendered, Scene};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -249,7 +250,7 @@ pub fn render<'py>(
         overscan,
         supersample,
     )?;
-    scene.rendered(py, &lens.core, &method, threads)
+    scene.picture(py, &lens.core, &method, threads)
 }
 
 /// Signed radius of the circle of confusion in pixels.
@@ -365,23 +366,42 @@ impl PyScene {
         &self.input.format
     }
 
-    fn rendered<'py>(
+    /// The scene through lenses that differ in their focus alone.
+    fn rendered(
+        &self,
+        py: Python<'_>,
+        lenses: &[Lens],
+        method: &Method,
+        threads: Option<usize>,
+    ) -> PyResult<Vec<Rendered>> {
+        let Some(first) = lenses.first() else { return Ok(Vec::new()) };
+        method.check(first, self.input.layers())?;
+        self.device.place(method)?;
+        let scene = self.scene(first)?;
+        let simd = simd()?;
+        let (frame, size, device) = (self.frame, self.input.size, self.device);
+        let optics: Vec<Optics> = lenses.iter().map(|lens| frame.optics(size, lens)).collect();
+        detached(py, threads, move |cancel| {
+            let rendered = scene.render_each(&optics, method, device, simd, cancel)?.into_iter();
+            Ok(rendered.map(|one| Rendered { pixels: frame.crop(one.pixels, size), ..one }).collect())
+        })
+    }
+
+    /// A rendered picture in the format of the input.
+    fn written<'py>(&self, py: Python<'py>, rendered: Rendered) -> PyResult<Bound<'py, PyAny>> {
+        write_color(py, rendered.pixels, self.frame.output(self.input.size), self.format())
+    }
+
+    /// The scene through one lens, in the format of the input.
+    fn picture<'py>(
         &self,
         py: Python<'py>,
         lens: &Lens,
         method: &Method,
         threads: Option<usize>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        method.check(lens, self.input.layers())?;
-        self.device.place(method)?;
-        let scene = self.scene(lens)?;
-        let simd = simd()?;
-        let optics = self.frame.optics(self.input.size, lens);
-        let (frame, size, device) = (self.frame, self.input.size, self.device);
-        let pixels = detached(py, threads, move |cancel| {
-            Ok(frame.crop(scene.render(&optics, method, device, simd, cancel)?, size))
-        })?;
-        write_color(py, pixels, frame.output(size), self.format())
+        let mut rendered = self.rendered(py, std::slice::from_ref(lens), method, threads)?;
+        self.written(py, rendered.remove(0))
     }
 }
 
@@ -442,7 +462,7 @@ impl PyScene {
         options: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let method = read_method(method, aperture, options)?;
-        self.rendered(py, &lens.core, &method, threads)
+        self.picture(py, &lens.core, &method, threads)
     }
 
     /// The scene through one lens focused at many distances.
@@ -494,11 +514,56 @@ impl PyScene {
             Lens::Relative { strength_px, .. } => Lens::from_disparity(strength_px, distance),
         });
         let lenses = focused.collect::<crate::error::Result<Vec<_>>>()?;
-        let slices = lenses
-            .into_iter()
-            .map(|lens| self.rendered(py, &lens, &method, threads))
-            .collect::<PyResult<Vec<_>>>()?;
+        let rendered = self.rendered(py, &lenses, &method, threads)?;
+        let slices = rendered.into_iter().map(|one| self.written(py, one)).collect::<PyResult<Vec<_>>>()?;
         py.import("numpy")?.call_method1("stack", (slices,))
+    }
+
+    /// What a render takes on the GPU, pass by pass.
+    ///
+    /// Parameters
+    /// ----------
+    /// lens, method, aperture, threads, **options
+    ///     As in the function `render`.
+    ///
+    /// Returns
+    /// -------
+    /// list of tuple of str and float
+    ///     Each pass, by the name of its shader, and its time on the device in milliseconds; in the order of their
+    ///     beginning, passes of one name together.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError, TypeError
+    ///     If an argument cannot be used.
+    /// DeviceError
+    ///     If the render is done on the CPU, or the GPU keeps no time.
+    #[pyo3(signature = (lens, *, method="lens", aperture=None, threads=None, **options))]
+    fn profile(
+        &self,
+        py: Python<'_>,
+        lens: &PyLens,
+        method: &str,
+        aperture: Option<&PyAperture>,
+        threads: Option<usize>,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Vec<(&'static str, f64)>> {
+        let method = read_method(method, aperture, options)?;
+        let rendered = self.rendered(py, std::slice::from_ref(&lens.core), &method, threads)?;
+        let mut times: Vec<(&'static str, f64)> = Vec::new();
+        for pass in rendered.iter().flat_map(|one| &one.passes) {
+            let ms = 1e3 * pass.seconds;
+            match times.iter_mut().find(|(name, _)| *name == pass.name) {
+                Some((_, total)) => *total += ms,
+                None => times.push((pass.name, ms)),
+            }
+        }
+        if times.is_empty() {
+            return Err(DeviceError::new_err(
+                "profile: there are no times to show, because the render is done on the CPU or the GPU keeps none",
+            ));
+        }
+        Ok(times)
     }
 
     fn __repr__(&self) -> String {

@@ -12,7 +12,7 @@ use std::ops::{Add, Mul, RangeInclusive, Sub};
 
 /// On a tilted surface a pixel's disc is interpolated between two, this many radius steps apart: a quarter of a
 /// pixel, or a sixteenth for small ones. Only rims differ, by less than the rounding to a single step would cost.
-const APART: i32 = 4;
+pub const APART: i32 = 4;
 
 /// Pixels convolved together.
 const LANES: usize = 16;
@@ -142,9 +142,8 @@ impl Gather<'_> {
     pub fn tile<T: Real>(&self, origin: (usize, usize), around: &mut Surroundings<T>, out: &mut TileColor) {
         let extent = extent(self.size, origin);
         let row = |y: usize| &self.s[(origin.1 + y) * self.size.width + origin.0..][..extent.0];
-        let first = row(0)[0];
-        if (0..extent.1).all(|y| row(y).iter().all(|&s| s == first)) {
-            let kernel = self.aperture.kernel(f64::from(first) - self.s_focus);
+        if let Some(s) = only_shift(self.s, self.size, origin) {
+            let kernel = self.aperture.kernel(f64::from(s) - self.s_focus);
             around.fill(self.size, self.colors, origin, kernel.reach as usize);
             self.simd.run(
                 #[inline(always)]
@@ -223,6 +222,14 @@ fn add_shares<T: Real>(
 /// Columns and rows of the frame in the tile at `origin`.
 fn extent(size: Size, origin: (usize, usize)) -> (usize, usize) {
     (TILE.0.min(size.width - origin.0), TILE.1.min(size.height - origin.1))
+}
+
+/// The shift of all pixels of the tile at `origin`, if it is the same for all.
+pub fn only_shift(s: &[f32], size: Size, origin: (usize, usize)) -> Option<f32> {
+    let extent = extent(size, origin);
+    let row = |y: usize| &s[(origin.1 + y) * size.width + origin.0..][..extent.0];
+    let first = row(0)[0];
+    (0..extent.1).all(|y| row(y).iter().all(|&s| s == first)).then_some(first)
 }
 
 /// Where a shift lies between the discs that are interpolated.

@@ -18,13 +18,13 @@ use std::sync::Arc;
 /// Standard deviation of a cell's footprint as a fraction of the distance between the places it is drawn at.
 const FOOTPRINT: f32 = 0.35;
 /// The footprint table's entries per pixel of shift.
-const STEPS_PER_PX: f32 = 8.0;
+pub const STEPS_PER_PX: f32 = 8.0;
 /// The largest weight of a neighbour in one pass; four of them leave a fifth to the cell itself.
-const MAX_WEIGHT: f32 = 0.2;
+pub const MAX_WEIGHT: f32 = 0.2;
 /// The variance that weighing the four direct neighbours can add.
-const NEXT_CELLS: f32 = 2.0 * MAX_WEIGHT;
+pub const NEXT_CELLS: f32 = 2.0 * MAX_WEIGHT;
 /// Neighbour distances of the widening passes beyond that.
-const REACHES: [usize; 4] = [2, 4, 8, 16];
+pub const REACHES: [usize; 4] = [2, 4, 8, 16];
 
 /// Variance per axis that drawing a cell at fractions of a pixel adds under shift `t`.
 ///
@@ -63,6 +63,11 @@ impl Footprint {
             })
             .collect();
         Footprint { table }
+    }
+
+    /// The variances, [`STEPS_PER_PX`] to a pixel of shift from none on.
+    pub fn table(&self) -> &[f32] {
+        &self.table
     }
 
     #[inline(always)]

@@ -1,12 +1,26 @@
 use super::Shader;
-use crate::gpu::{gaussian, taps};
+use crate::gpu::{gaussian, lens, resolve, taps};
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{Module, ShaderStage, TypeInner, front::wgsl};
 use std::path::Path;
 
 /// Every shader there is.
-const SHADERS: [Shader; 5] =
-    [gaussian::HALVE, gaussian::BLUR_X, gaussian::BLUR_Y, gaussian::COMPOSITE, taps::TAPS];
+const SHADERS: [Shader; 14] = [
+    gaussian::HALVE,
+    gaussian::BLUR_X,
+    gaussian::BLUR_Y,
+    gaussian::COMPOSITE,
+    lens::COPY,
+    lens::colors::PATCH,
+    lens::colors::WIDEN,
+    lens::colors::SHARPEN,
+    lens::disc::SUM_ROWS,
+    lens::disc::DISC,
+    lens::sweep::SWEEP,
+    lens::highlights::HIGHLIGHTS,
+    resolve::RESOLVE,
+    taps::TAPS,
+];
 
 /// Only what every GPU can do.
 fn validated(shader: &Shader) -> (Module, ModuleInfo) {
