@@ -16,7 +16,6 @@ mod taps;
 #[cfg(test)]
 mod tests;
 
-pub use device::Gpu;
 pub use resident::Residence;
 
 use crate::cancel::Cancel;
@@ -27,6 +26,7 @@ use crate::optics::Optics;
 use crate::picture::Picture;
 use crate::render::{Method, Rendered};
 use commands::{Commands, Pending};
+use device::Gpu;
 use std::sync::Arc;
 
 /// The methods that have a GPU path.
