@@ -19,7 +19,6 @@ mod taps;
 #[cfg(test)]
 mod tests;
 
-pub use device::Gpu;
 pub use resident::Residence;
 
 use crate::cancel::Cancel;
@@ -30,6 +29,7 @@ use crate::optics::Optics;
 use crate::picture::Picture;
 use crate::render::{Method, Rendered};
 use commands::{Commands, Pending};
+use device::Gpu;
 use std::sync::Arc;
 
 /// The methods that have a GPU path.
