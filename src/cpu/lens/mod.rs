@@ -3,6 +3,7 @@
 //! [`sheets`] takes the picture apart into cells (what is in front, what is behind, what is hidden), [`pack`] lays
 //! them out for one focus, [`tiles`] plans, and each tile is a copy, an exact [`disc`], or a [`sweep`].
 
+mod barrel;
 mod blocks;
 mod cells;
 mod colors;
@@ -19,6 +20,7 @@ mod sweep;
 mod tiles;
 mod unmix;
 
+pub use barrel::Clip;
 pub use sheets::Sheets;
 
 use crate::aperture::Aperture;
@@ -28,7 +30,7 @@ use crate::cpu::simd::Simd;
 use crate::cpu::tiles::split;
 use crate::error::{Result, value_error};
 use crate::memory;
-use crate::optics::Optics;
+use crate::optics::{Barrel, Optics};
 use crate::picture::Picture;
 use crate::views;
 use colors::Colors;
@@ -45,12 +47,14 @@ use tiles::{Tile, Work};
 pub const MAX_RADIUS_PX: f64 = 2048.0;
 
 /// The choices that a caller has.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Settings {
     /// The opening.
     pub aperture: Aperture,
     /// Number of views everywhere, or chosen for each tile.
     pub views: Option<usize>,
+    /// The second stop of the lens, if it clips anything.
+    pub barrel: Option<Barrel>,
 }
 
 /// Refuses lenses whose circles of confusion are beyond reason.
@@ -94,7 +98,14 @@ pub fn render(
     let reach = (sheets.shifts.0 - s_focus).abs().max((sheets.shifts.1 - s_focus).abs());
     let padding = Padding::new(size.width, size.height, reach);
     let blocks = sheets.blocks.padded(&padding);
-    let frame = tiles::Frame { padding: &padding, codes: &sheets.codes, blocks: &blocks, s_focus };
+    let clip = settings.barrel.map(|barrel| Clip::new(barrel, &settings.aperture, size));
+    let frame = tiles::Frame {
+        padding: &padding,
+        codes: &sheets.codes,
+        blocks: &blocks,
+        s_focus,
+        barrel: settings.barrel.as_ref(),
+    };
     let tiles = tiles::plan(&frame, count_views);
     let needed = tiles::needed(&padding, &blocks, &tiles);
     cancel.check()?;
@@ -133,7 +144,7 @@ pub fn render(
         simd,
     };
 
-    let scene = highlights::Scene { packed: &packed, s_focus, kernels: &kernels };
+    let scene = highlights::Scene { packed: &packed, s_focus, kernels: &kernels, clip: clip.as_ref() };
     let missed = if sheets.opaque { Missed::Unknown } else { Missed::Nothing };
     let mut slots = split(&mut out, size, TILE);
     slots.par_iter_mut().zip(&tiles).enumerate().try_for_each_init(
@@ -145,7 +156,13 @@ pub fn render(
                 Work::Disc if highlights_are_out => gather.tile(tile.origin, &mut around.dim, color),
                 Work::Disc => gather.tile(tile.origin, &mut around.any, color),
                 Work::Sweep { views, occupied } => {
-                    let start = Start { packed: &packed, s_focus, origin: tile.origin, occupied };
+                    let start = Start {
+                        packed: &packed,
+                        s_focus,
+                        origin: tile.origin,
+                        occupied,
+                        clip: clip.as_ref(),
+                    };
                     segments.trace(&start, &view_sets[views]);
                     sweep::sweep(simd, &packed, segments, tile.origin, missed, color);
                 }

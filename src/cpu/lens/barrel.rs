@@ -1,0 +1,154 @@
+//! What a lens's barrel hides of the opening: a second stop, as large as the unit disc, that every pixel sees elsewhere.
+//!
+//! A pixel's light is that of the lens points it still sees, and is shared among them: the barrel changes the form
+//! of discs and not the brightness of the picture, which is [falloff's](crate::cpu::falloff).
+
+use super::pack::TILE;
+use crate::aperture::Aperture;
+use crate::optics::Barrel;
+use crate::picture::Size;
+use rayon::prelude::*;
+
+/// Pixels between places at which the open part is counted; it changes slowly.
+const SPACING: usize = 16;
+/// Lens points that it is counted with.
+const POINTS: usize = 4096;
+
+/// The barrel before an opening.
+pub struct Clip {
+    barrel: Barrel,
+    aperture: Aperture,
+    /// Open part of the opening every [`SPACING`] pixels, in rows of `across`.
+    open: Vec<f64>,
+    across: usize,
+}
+
+/// What the pixels of a tile see of one view.
+pub enum Clipped {
+    /// All see it.
+    Not,
+    /// None does.
+    Whole,
+    /// Those whose bit is set do.
+    Part([u64; TILE.1]),
+}
+
+impl Clip {
+    /// The barrel of a lens over a frame.
+    pub fn new(barrel: Barrel, aperture: &Aperture, size: Size) -> Clip {
+        let points = aperture.pupil_points(POINTS);
+        let (across, down) = (size.width.div_ceil(SPACING) + 1, size.height.div_ceil(SPACING) + 1);
+        let open = |i: usize| {
+            let stop = barrel.stop((i % across * SPACING) as f64, (i / across * SPACING) as f64);
+            let seen = points.iter().filter(|l| (l[0] - stop[0]).hypot(l[1] - stop[1]) <= 1.0);
+            seen.count() as f64 / POINTS as f64
+        };
+        let open = (0..across * down).into_par_iter().map(open).collect();
+        Clip { barrel, aperture: aperture.clone(), open, across }
+    }
+
+    /// The part of the light of the opening that a pixel still sees.
+    pub fn open(&self, x: f64, y: f64) -> f64 {
+        let at = |v: f64| {
+            let v = v / SPACING as f64;
+            (v as usize, v.fract())
+        };
+        let ((x, fx), (y, fy)) = (at(x), at(y));
+        let row = |y: usize| {
+            let row = &self.open[(y * self.across).min(self.open.len() - self.across)..][..self.across];
+            let next = row[(x + 1).min(self.across - 1)];
+            row[x] + fx * (next - row[x])
+        };
+        row(y) + fy * (row(y + 1) - row(y))
+    }
+
+    /// How much more than of the whole opening's light a pixel has of what it sees through lens point `l`, where the
+    /// opening is drawn `t` pixels large: nothing beyond the stop, whose rim is as soft as a pixel.
+    pub fn share(&self, [x, y]: [f64; 2], l: [f64; 2], t: f64) -> f64 {
+        let (pupil, stop) = (self.aperture.pupil(l), self.barrel.stop(x, y));
+        let inside = 1.0 - (pupil[0] - stop[0]).hypot(pupil[1] - stop[1]);
+        let open = self.open(x, y);
+        if open > 0.0 { (0.5 + t.abs() * inside).clamp(0.0, 1.0) / open } else { 0.0 }
+    }
+
+    /// Which pixels of the tile at `origin` see the opening at `pupil`: those `p` with `|pupil - c(p)| <= 1`. As `c` is
+    /// linear, in every row a stretch.
+    pub fn view(&self, pupil: [f64; 2], origin: (usize, usize)) -> Clipped {
+        let Barrel { centre, per_px } = self.barrel;
+        // The pixel whose stop is centred on the point, from the tile's first, and the reach of that pixel.
+        let middle = [0, 1].map(|i| {
+            let origin = if i == 0 { origin.0 } else { origin.1 };
+            pupil[i] / per_px + centre[i] - origin as f64
+        });
+        let reach = 1.0 / per_px;
+        let last = [TILE.0, TILE.1].map(|n| (n - 1) as f64);
+        let farthest = [0, 1].map(|i| middle[i].abs().max((last[i] - middle[i]).abs()));
+        let nearest = [0, 1].map(|i| (-middle[i]).max(middle[i] - last[i]).max(0.0));
+        if farthest[0].hypot(farthest[1]) <= reach {
+            return Clipped::Not;
+        }
+        if nearest[0].hypot(nearest[1]) > reach {
+            return Clipped::Whole;
+        }
+        Clipped::Part(std::array::from_fn(|y| {
+            let down = y as f64 - middle[1];
+            let half = reach * reach - down * down;
+            if half < 0.0 {
+                return 0;
+            }
+            let (first, end) = (middle[0] - half.sqrt(), middle[0] + half.sqrt());
+            let bits = |n: f64| {
+                // The lowest bits up to, and without, n.
+                let n = n.clamp(0.0, TILE.0 as f64) as u32;
+                u64::MAX.checked_shr(TILE.0 as u32 - n).unwrap_or(0)
+            };
+            bits(end.floor() + 1.0) & !bits(first.ceil())
+        }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::aperture::Side;
+    use std::f64::consts::PI;
+
+    const SIZE: Size = Size { width: 300, height: 200, channels: 1 };
+
+    fn clip() -> Clip {
+        let barrel = Barrel { centre: [149.5, 99.5], per_px: 0.9 / 180.0 };
+        Clip::new(barrel, &Aperture::DISC, SIZE)
+    }
+
+    #[test]
+    fn the_open_part_is_the_intersection_of_two_circles() {
+        let clip = clip();
+        for (x, y) in [(149.5, 99.5), (10.0, 20.0), (299.0, 199.0), (200.0, 3.0)] {
+            let c = clip.barrel.stop(x, y);
+            let apart = c[0].hypot(c[1]);
+            let exact = (2.0 * (0.5 * apart).acos() - 0.5 * apart * (4.0 - apart * apart).sqrt()) / PI;
+            assert!((clip.open(x, y) - exact).abs() < 2e-3, "{} against {exact}", clip.open(x, y));
+        }
+    }
+
+    #[test]
+    fn pixels_of_a_tile_see_what_the_formula_says() {
+        let clip = clip();
+        for origin in [(0, 0), (128, 96), (256, 160)] {
+            for pupil in Aperture::DISC.lens_points(256, Side::Behind) {
+                let rows = match clip.view(pupil, origin) {
+                    Clipped::Not => [u64::MAX; TILE.1],
+                    Clipped::Whole => [0; TILE.1],
+                    Clipped::Part(rows) => rows,
+                };
+                for (x, y) in (0..TILE.1).flat_map(|y| (0..TILE.0).map(move |x| (x, y))) {
+                    let c = clip.barrel.stop((origin.0 + x) as f64, (origin.1 + y) as f64);
+                    let apart = (pupil[0] - c[0]).hypot(pupil[1] - c[1]);
+                    if (apart - 1.0).abs() > 1e-9 {
+                        assert_eq!(rows[y] >> x & 1 != 0, apart < 1.0);
+                    }
+                }
+            }
+        }
+    }
+}
