@@ -200,7 +200,7 @@ impl Scene {
         if let Some(falloff) = &imaging.falloff {
             let clip = match (method, imaging.barrel) {
                 (Method::Lens(settings), Some(barrel)) if falloff.optical => {
-                    Some(cpu::lens::Clip::new(barrel, &settings.aperture, size))
+                    Some(cpu::lens::Clip::new(barrel, &settings.aperture))
                 }
                 _ => None,
             };

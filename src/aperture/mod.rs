@@ -439,7 +439,9 @@ mod tests {
                 let sum: f64 = kernel.weights().map(|w| f64::from(w.2)).sum();
                 assert!((sum - 1.0).abs() < 1e-5, "{aperture:?} {t}: {sum}");
                 if t.abs() <= 0.5 {
-                    assert_eq!(kernel.weights().collect::<Vec<_>>(), [(0, 0, 1.0)], "{aperture:?} {t}");
+                    // The chords of a curve reach out of the pixel by some ten-thousandths.
+                    let own = kernel.weights().find(|w| (w.0, w.1) == (0, 0)).map_or(0.0, |w| w.2);
+                    assert!(own > 1.0 - 1e-5, "{aperture:?} {t}: {own}");
                 }
             }
         }

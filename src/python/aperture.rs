@@ -131,6 +131,12 @@ impl Image {
         Ok(Image { columns: array.ncols(), values: Arc::new(array.iter().copied().collect()) })
     }
 
+    /// Tells pictures of one size apart: in hashes, and in the records of a batch.
+    fn fingerprint(&self) -> u64 {
+        let bytes: Vec<String> = self.values.iter().map(|v| format!("{:x}", v.to_bits())).collect();
+        hash_words(&bytes.join(","))
+    }
+
     fn array<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         PyArray1::from_slice(py, &self.values).reshape([self.values.len() / self.columns, self.columns])
     }
@@ -158,7 +164,8 @@ impl fmt::Display for PyAperture {
             words.push(format!("apodization={sigma:?}"));
         }
         if let Some(image) = &self.image {
-            words.push(format!("image=<{} x {}>", image.values.len() / image.columns, image.columns));
+            let rows = image.values.len() / image.columns;
+            words.push(format!("image=<{rows} x {}, {:016x}>", image.columns, image.fingerprint()));
         }
         write!(f, "Aperture({})", words.join(", "))
     }
@@ -292,9 +299,7 @@ impl PyAperture {
     }
 
     fn __hash__(&self) -> u64 {
-        let values = self.image.iter().flat_map(|image| image.values.iter());
-        let bits: Vec<String> = values.map(|v| format!("{:x}", v.to_bits())).collect();
-        hash_words(&format!("{self}{}", bits.join(",")))
+        hash_words(&self.to_string())
     }
 
     fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<((), Bound<'py, PyDict>)> {

@@ -6,11 +6,12 @@
 use super::pack::TILE;
 use crate::aperture::Aperture;
 use crate::optics::Barrel;
-use crate::picture::Size;
 use rayon::prelude::*;
+use std::f64::consts::TAU;
 
-/// Pixels between places at which the open part is counted; it changes slowly.
-const SPACING: usize = 16;
+/// Distances of the two stops, up to that at which nothing is open, and directions, for which the open part is counted.
+const DISTANCES: usize = 128;
+const DIRECTIONS: usize = 64;
 /// Lens points that it is counted with.
 const POINTS: usize = 4096;
 
@@ -18,9 +19,8 @@ const POINTS: usize = 4096;
 pub struct Clip {
     barrel: Barrel,
     aperture: Aperture,
-    /// Open part of the opening every [`SPACING`] pixels, in rows of `across`.
-    open: Vec<f64>,
-    across: usize,
+    /// Open part of the opening, by the direction of the second stop and then by its distance, from 0 to 2.
+    open: Vec<[f64; DISTANCES + 1]>,
 }
 
 /// What the pixels of a tile see of one view.
@@ -34,32 +34,32 @@ pub enum Clipped {
 }
 
 impl Clip {
-    /// The barrel of a lens over a frame.
-    pub fn new(barrel: Barrel, aperture: &Aperture, size: Size) -> Clip {
+    /// The barrel of a lens before its opening.
+    pub fn new(barrel: Barrel, aperture: &Aperture) -> Clip {
         let points = aperture.pupil_points(POINTS);
-        let (across, down) = (size.width.div_ceil(SPACING) + 1, size.height.div_ceil(SPACING) + 1);
-        let open = |i: usize| {
-            let stop = barrel.stop((i % across * SPACING) as f64, (i / across * SPACING) as f64);
-            let seen = points.iter().filter(|l| (l[0] - stop[0]).hypot(l[1] - stop[1]) <= 1.0);
-            seen.count() as f64 / POINTS as f64
+        let open = |direction: usize| {
+            let (sin, cos) = (TAU * direction as f64 / DIRECTIONS as f64).sin_cos();
+            std::array::from_fn(|i| {
+                let apart = 2.0 * i as f64 / DISTANCES as f64;
+                let seen = points.iter().filter(|l| (l[0] - apart * cos).hypot(l[1] - apart * sin) <= 1.0);
+                seen.count() as f64 / POINTS as f64
+            })
         };
-        let open = (0..across * down).into_par_iter().map(open).collect();
-        Clip { barrel, aperture: aperture.clone(), open, across }
+        let open = (0..DIRECTIONS).into_par_iter().map(open).collect();
+        Clip { barrel, aperture: aperture.clone(), open }
     }
 
     /// The part of the light of the opening that a pixel still sees.
     pub fn open(&self, x: f64, y: f64) -> f64 {
-        let at = |v: f64| {
-            let v = v / SPACING as f64;
-            (v as usize, v.fract())
+        let [x, y] = self.barrel.stop(x, y);
+        let apart = (x.hypot(y) * 0.5 * DISTANCES as f64).min(DISTANCES as f64);
+        let turn = (y.atan2(x) / TAU).rem_euclid(1.0) * DIRECTIONS as f64;
+        let (i, direction) = ((apart as usize).min(DISTANCES - 1), turn as usize);
+        let along = |direction: usize| {
+            let row = &self.open[direction % DIRECTIONS];
+            row[i] + (apart - i as f64) * (row[i + 1] - row[i])
         };
-        let ((x, fx), (y, fy)) = (at(x), at(y));
-        let row = |y: usize| {
-            let row = &self.open[(y * self.across).min(self.open.len() - self.across)..][..self.across];
-            let next = row[(x + 1).min(self.across - 1)];
-            row[x] + fx * (next - row[x])
-        };
-        row(y) + fy * (row(y + 1) - row(y))
+        along(direction) + turn.fract() * (along(direction + 1) - along(direction))
     }
 
     /// How much more than of the whole opening's light a pixel has of what it sees through lens point `l`, where the
@@ -113,11 +113,9 @@ mod tests {
     use crate::aperture::Side;
     use std::f64::consts::PI;
 
-    const SIZE: Size = Size { width: 300, height: 200, channels: 1 };
-
     fn clip() -> Clip {
         let barrel = Barrel { centre: [149.5, 99.5], per_px: 0.9 / 180.0 };
-        Clip::new(barrel, &Aperture::DISC, SIZE)
+        Clip::new(barrel, &Aperture::DISC)
     }
 
     #[test]

@@ -98,7 +98,7 @@ pub fn render(
     let reach = (sheets.shifts.0 - s_focus).abs().max((sheets.shifts.1 - s_focus).abs());
     let padding = Padding::new(size.width, size.height, reach);
     let blocks = sheets.blocks.padded(&padding);
-    let clip = settings.barrel.map(|barrel| Clip::new(barrel, &settings.aperture, size));
+    let clip = settings.barrel.map(|barrel| Clip::new(barrel, &settings.aperture));
     let frame = tiles::Frame {
         padding: &padding,
         codes: &sheets.codes,

@@ -170,9 +170,10 @@ impl PyLens {
             };
             let aperture_radius = if has("aperture_radius")? { get("aperture_radius")? } else { 0.0 };
             let focus_distance = if has("focus_distance")? { get("focus_distance")? } else { 1.0 };
+            // The offsets say how far the picture moves to the left and up, and the axis with it.
             let principal_point = [
-                if has("principal_point_offset_x")? { get("principal_point_offset_x")? } else { 0.0 },
-                if has("principal_point_offset_y")? { get("principal_point_offset_y")? } else { 0.0 },
+                if has("principal_point_offset_x")? { -get("principal_point_offset_x")? } else { 0.0 },
+                if has("principal_point_offset_y")? { -get("principal_point_offset_y")? } else { 0.0 },
             ];
             let lens = Lens::thin(aperture_radius, focus_distance, get("x_fov")?, FovAxis::X)?;
             return Ok(PyLens { core: lens.mounted(Mount { principal_point, ..Mount::PLAIN })? });
@@ -203,8 +204,8 @@ impl PyLens {
         };
         let fov_axis = choice("fov_axis", &axis, &FovAxis::NAMES)?;
         let principal_point = [
-            number(words, &["principal_point_offset_x"])?.unwrap_or(0.0),
-            number(words, &["principal_point_offset_y"])?.unwrap_or(0.0),
+            -number(words, &["principal_point_offset_x"])?.unwrap_or(0.0),
+            -number(words, &["principal_point_offset_y"])?.unwrap_or(0.0),
         ];
         let lens = Lens::thin(aperture_radius, focus_distance, fov, fov_axis)?;
         Ok(PyLens { core: lens.mounted(Mount { principal_point, ..Mount::PLAIN })? })
