@@ -43,8 +43,8 @@ impl Method {
         }
     }
 
-    /// Refuses pictures of so many layers and light channels, and lenses, that the method cannot work with. Every method
-    /// honours what the thin lens itself, its focus surface or a whole picture can express.
+    /// Refuses pictures of so many layers and light channels, and lenses, that the method cannot work with. Every
+    /// method honours what the thin lens itself, its focus surface or a whole picture can express.
     pub fn check(&self, lens: &Lens, layers: usize, lights: usize) -> Result<()> {
         let (name, metric_option) = self.describe();
         if layers > 1 && !matches!(self, Method::Lens(_)) {
@@ -93,8 +93,8 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// A scene of a picture whose width and height are multiples of `supersample`, and whose first `lights` channels hold
-    /// light.
+    /// A scene of a picture whose width and height are multiples of `supersample`, and whose first `lights` channels
+    /// hold light.
     pub fn new(picture: Picture, lights: usize, supersample: usize) -> Scene {
         let picture = Arc::new(picture);
         Scene { picture, lights, supersample, flattened: Mutex::new(None), sheets: Mutex::new(None) }

@@ -1,4 +1,4 @@
-"""What real lenses get wrong: cat's eyes, vignetting, colours focused apart and of different sizes, breathing."""
+"""What real lenses get wrong: cat's eyes, vignetting, axial and lateral colour, breathing."""
 
 import dofsim
 import numpy as np
@@ -15,7 +15,7 @@ LENS = dofsim.Lens(aperture_radius=0.2, focus_distance=2.0, fov=FOV)
 Y, X = np.mgrid[:HEIGHT, :WIDTH]
 
 
-def lamps(at, channels=3, dark=1e-4):
+def lamps(at, channels=3, dark=1e-8):
     color = np.full((HEIGHT, WIDTH, channels), dark, np.float32)
     color[at[1], at[0]] = 1e4
     return color
@@ -35,6 +35,17 @@ def overlap(apart):
     return (2.0 * np.arccos(0.5 * apart) - 0.5 * apart * np.sqrt(4.0 - apart**2)) / np.pi
 
 
+def lens_of_circles(apart, radius):
+    """Area over pi that the unit disc shares with one of another radius."""
+    a = (apart**2 + 1.0 - radius**2) / (2.0 * apart)
+    b = apart - a
+    if a <= -1.0 or apart <= radius - 1.0:
+        return 1.0
+    segment = np.arccos(a) - a * np.sqrt(1.0 - a**2)
+    other = radius**2 * np.arccos(b / radius) - b * np.sqrt(radius**2 - b**2)
+    return (segment + other) / np.pi
+
+
 def stop(at, amount):
     return amount * (np.array(at) - MIDDLE) / HALF_DIAGONAL
 
@@ -51,11 +62,15 @@ def test_the_area_of_a_cats_eye_is_the_intersection_of_two_circles(at, edge):
     clipped = LENS.replace(cat_eye=0.9, vignetting="optical")
     total, mean, _ = moments(dofsim.render(lamps(at), depth, clipped)[..., 0])
     whole, _, _ = moments(dofsim.render(lamps(at), depth, LENS)[..., 0])
-    c = stop(at, 0.9)
-    assert total / whole == pytest.approx(overlap(np.hypot(*c)), abs=0.012)
-    # Behind the focus a point is drawn as the part of the opening around c / 2. The stop moves on over the disc.
+    # Lens point l is seen at the pixel p = at + radius l, where the stop is at c(at) + grows l: so it clips
+    # like one that stands still and is larger, |l - c / (1 - grows)| <= 1 / (1 - grows).
     radius = float(dofsim.coc(depth, LENS)[80, 100])
-    assert_allclose(mean - np.array(at), 0.5 * radius * c, atol=0.02 * radius)
+    grows = radius * 0.9 / HALF_DIAGONAL
+    c, larger = stop(at, 0.9) / (1.0 - grows), 1.0 / (1.0 - grows)
+    assert total / whole == pytest.approx(lens_of_circles(np.hypot(*c), larger), abs=0.006)
+    points = oracle.lens_points(60)
+    seen = points[np.hypot(*(points - c).T) <= larger]
+    assert_allclose(mean - np.array(at), radius * seen.mean(axis=0), atol=0.01 * radius)
 
 
 @pytest.mark.parametrize(("z", "sign"), [(3.0, 1.0), (1.5, -1.0)])

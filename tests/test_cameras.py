@@ -40,7 +40,7 @@ def test_the_hyperfocal_distance_of_the_usual_example():
 def test_hyperfocal_distances_are_those_in_print(f_mm, n, limit_mm, metres):
     # Two of the three leave out the focal length that is to be added.
     lens = camera(focal_length_mm=f_mm, f_number=n)
-    assert lens.hyperfocal_distance(limit_mm) == pytest.approx(metres, abs=0.06)
+    assert lens.hyperfocal_distance(limit_mm) == pytest.approx(metres, abs=0.065)
 
 
 @pytest.mark.parametrize("f_mm", [24.0, 50.0, 135.0])
@@ -71,7 +71,7 @@ def test_sensors_go_by_name():
     assert camera(sensor="full frame") == camera(sensor_width_mm=36.0) == camera()
     for name, (width, height) in dofsim.SENSORS.items():
         assert camera(sensor=name).sensor_mm == width > height
-    with pytest.raises(ValueError, match="sensor must be one of .*full frame"):
+    with pytest.raises(ValueError, match=r"sensor must be one of .*full frame"):
         camera(sensor="half frame")
     with pytest.raises(TypeError, match="one of sensor_width_mm and sensor"):
         camera(sensor="aps-c", sensor_width_mm=20.0)
@@ -124,9 +124,7 @@ def test_mitsubas_principal_point_is_where_the_axis_meets_the_picture(offset):
     mi.set_variant("scalar_rgb")
     x, y = offset
     words = {
-        "type": "thinlens",
-        "aperture_radius": 0.01,
-        "focus_distance": 4.0,
+        "type": "perspective",
         "fov": 50.0,
         "principal_point_offset_x": x,
         "principal_point_offset_y": y,
@@ -158,7 +156,7 @@ def test_blenders_cameras(tmp_path):
     assert (lens, aperture) == (dofsim.Lens.from_blender(words), dofsim.Aperture.from_blender(words))
     # Its width is the diameter over the ratio, and the longer half-axis is the radius.
     assert lens.aperture_radius == pytest.approx(85e-3 / (2 * 2.0) / 0.5)
-    assert (lens.focal_length_mm, lens.sensor_mm) == (None, 36.0) or lens.sensor_mm == 36.0
+    assert lens.sensor_mm == 36.0
     assert (aperture.blades, aperture.ratio) == (5, 0.5)
     assert aperture.rotation == pytest.approx(np.degrees(0.2) + 36.0)
     with pytest.raises(ValueError, match="shift_x must be 0"):
@@ -217,9 +215,7 @@ def test_relative_disparity_is_of_one_picture_and_one_kind_of_lens():
         dofsim.coc(np.ones((4, 4)), dofsim.Lens(**THIN), depth_kind="relative")
     layers = np.ones((2, 8, 8, 4), np.float32), np.ones((2, 8, 8))
     with pytest.raises(ValueError, match="cannot be used with layers"):
-        dofsim.render(
-            *layers, dofsim.Lens.from_disparity(strength_px=1.0, focus=0.0), depth_kind="relative"
-        )
+        dofsim.render(*layers, dofsim.Lens.from_disparity(strength_px=1.0, focus=0.0), depth_kind="relative")
 
 
 # Lenses are values

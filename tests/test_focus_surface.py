@@ -62,21 +62,22 @@ def test_the_sharp_line_of_an_upright_wall_lies_where_scheimpflug_puts_it():
 def test_a_leaning_plane_shifts_and_scales_discs_as_the_ray_equation_says():
     # A lamp on a wall; its light meets the pixels p with q = p + l / (1 - b . l) t.
     tilt, height, width = (-70.0, 0.0), 160, 200
-    lens = dofsim.Lens(aperture_radius=0.3, focus_distance=1.5, fov=50.0, tilt=tilt)
+    lens = dofsim.Lens(aperture_radius=0.2, focus_distance=1.5, fov=50.0, tilt=tilt)
     depth = np.full((height, width), 2.4)
-    color = np.full((height, width), 1e-4, np.float32)
+    color = np.full((height, width), 1e-8, np.float32)
     q = np.array([100, 80])
     color[q[1], q[0]] = 1e4
     out = dofsim.render(color, depth, lens).astype(np.float64) / 1e4
     focal_px = 0.5 * width / np.tan(np.radians(25.0))
-    k, slope = 0.3 * focal_px, np.tan(np.radians(tilt[0]))
+    k, slope = 0.2 * focal_px, np.tan(np.radians(tilt[0]))
     gradient = slope / (1.5 * focal_px)  # of the disparity in focus, a pixel down the picture
-    angles, rings = np.meshgrid(np.linspace(0, 2 * np.pi, 400, endpoint=False), np.sqrt((np.arange(60) + 0.5) / 60))
-    l = np.stack([rings * np.cos(angles), rings * np.sin(angles)], axis=-1).reshape(-1, 2)
+    angles = np.linspace(0, 2 * np.pi, 400, endpoint=False)
+    angles, rings = np.meshgrid(angles, np.sqrt((np.arange(60) + 0.5) / 60))
+    points = np.stack([rings * np.cos(angles), rings * np.sin(angles)], axis=-1).reshape(-1, 2)
     in_focus = 1.0 / 1.5 + gradient * (q[1] - 0.5 * (height - 1))
     # t solves t = k (d - d_f(p)), p = q - l t.
-    t = k * (1.0 / 2.4 - in_focus) / (1.0 - k * gradient * l[:, 1])
-    p = q - l * t[:, np.newaxis]
+    t = k * (1.0 / 2.4 - in_focus) / (1.0 - k * gradient * points[:, 1])
+    p = q - points * t[:, np.newaxis]
     y, x = np.mgrid[:height, :width]
     for axis, places_of in ((0, x), (1, y)):
         mean = (out * places_of).sum() / out.sum()
@@ -89,8 +90,8 @@ def test_a_curved_field_focuses_a_sphere_about_the_lens():
     lens = LENS.replace(field_curvature=1.0 / 3.0)
     right, up = places()
     sphere = 3.0 / np.sqrt(1.0 + right**2 + up**2)
-    assert np.abs(dofsim.coc(sphere, LENS)).max() > 0.5
-    assert np.abs(dofsim.coc(sphere, lens)).max() < 0.05
+    assert np.abs(dofsim.coc(sphere, LENS)).max() > 0.3
+    assert np.abs(dofsim.coc(sphere, lens)).max() < 0.03
 
 
 def test_steep_planes_and_relative_lenses_are_refused():
@@ -134,7 +135,9 @@ def test_targets():
     mask = np.zeros(depth.shape, bool)
     mask[:, -20:] = True
     assert LENS.focused_on(depth, mask).focus_distance == pytest.approx(9.0)
-    for target, error in [("left", ValueError), (mask[:5], ValueError), (mask & False, ValueError), (3, TypeError)]:
+    none = mask & False
+    none = mask & False
+    for target, error in [("left", ValueError), (mask[:5], ValueError), (none, ValueError), (3, TypeError)]:
         with pytest.raises(error, match="target"):
             LENS.focused_on(depth, target)
 

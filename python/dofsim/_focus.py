@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
 
 from dofsim._dofsim import Lens, Scene
@@ -31,8 +32,8 @@ def focus_pull(
 ) -> Iterator[NDArray[Any]]:
     """Render a scene while the focus moves, one frame after another.
 
-    Between two keyframes the disparity in focus moves, not the distance: blur is linear in disparity, so that it
-    changes evenly, and the focus may come from infinity.
+    Between two keyframes the disparity in focus moves, not the distance: blur is linear in disparity, so that
+    it changes evenly, and the focus may come from infinity.
 
     Parameters
     ----------
@@ -41,10 +42,11 @@ def focus_pull(
     lens : Lens
         The lens; its own focus does not matter. One that breathes does so here.
     keyframes : sequence of (int, float)
-        Numbers of frames, rising, and what is in focus then: a distance in metres, or a disparity for a lens made by
-        `Lens.from_disparity`.
+        Numbers of frames, rising, and what is in focus then: a distance in metres, or a disparity for a lens
+        made by `Lens.from_disparity`.
     easing : {"smooth", "linear", "in", "out"}, optional
-        How the focus moves between two keyframes: at rest at both, evenly, or at rest at the first or the last only.
+        How the focus moves between two keyframes: at rest at both, evenly, or at rest at the first or the
+        last only.
     **options
         As for `Scene.render`: ``method``, ``aperture``, ``threads`` and those of the method.
 
@@ -56,7 +58,8 @@ def focus_pull(
     Raises
     ------
     ValueError
-        If there is no keyframe, their frames do not rise, or the easing is none of these; before the first frame.
+        If there is no keyframe, their frames do not rise, or the easing is none of these; before the first
+        frame.
 
     Examples
     --------
@@ -71,8 +74,10 @@ def focus_pull(
     if easing not in _EASINGS:
         raise ValueError(f"easing must be one of {', '.join(_EASINGS)}; got {easing!r}")
     frames = [frame for frame, _ in keyframes]
-    if not frames or any(later <= earlier for earlier, later in zip(frames, frames[1:], strict=False)):
-        raise ValueError(f"keyframes must have at least one frame, and rising numbers of frames; got {frames}")
+    if not frames or any(later <= earlier for earlier, later in pairwise(frames)):
+        raise ValueError(
+            f"keyframes must have at least one frame, and rising numbers of frames; got {frames}"
+        )
     lenses = [_focused(lens, focus) for focus in _positions(lens, keyframes, _EASINGS[easing])]
     return (scene.render(focused, **options) for focused in lenses)
 
@@ -85,7 +90,7 @@ def _positions(
     if metric and (bad := [focus for _, focus in keyframes if not focus > 0.0]):
         raise ValueError(f"keyframes must have distances in metres greater than 0; got {bad[0]}")
     ends = [(frame, 1.0 / focus if metric else focus) for frame, focus in keyframes]
-    for (first, start), (last, end) in zip(ends, ends[1:], strict=False):
+    for (first, start), (last, end) in pairwise(ends):
         for frame in range(first, last):
             disparity = start + (end - start) * ease((frame - first) / (last - first))
             yield _distance(disparity) if metric else disparity

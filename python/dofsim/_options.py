@@ -51,8 +51,8 @@ LensFile = Annotated[
     Path | None,
     typer.Option(
         "--lens",
-        help="TOML file with the words above, spelt with underscores, and all others of dofsim.Lens; those of "
-        "dofsim.Aperture in a table [aperture]. Options beside it win.",
+        help="TOML file with the words above, spelt with underscores, and all others of dofsim.Lens; those "
+        "of dofsim.Aperture in a table [aperture]. Options beside it win.",
         rich_help_panel="Lens",
     ),
 ]
@@ -226,7 +226,8 @@ def make_lens(words: Mapping[str, Any]) -> dofsim.Lens:
     Parameters
     ----------
     words : mapping
-        The arguments of `dofsim.Lens`, of `Lens.from_camera` or of `Lens.from_disparity`, and those of `Lens.replace`.
+        The arguments of `dofsim.Lens`, of `Lens.from_camera` or of `Lens.from_disparity`, and those of
+        `Lens.replace`.
 
     Returns
     -------

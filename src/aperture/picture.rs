@@ -96,7 +96,7 @@ impl Picture {
         let across = self.columns + 1;
         let total = self.sums[self.sums.len() - 1];
         let last_of_row = |y: usize| self.sums[(y + 1) * across - 1];
-        let (y, fy) = before(self.rows, |y| last_of_row(y), u * total);
+        let (y, fy) = before(self.rows, last_of_row, u * total);
         let in_row = |x: usize| self.sums[(y + 1) * across + x] - self.sums[y * across + x];
         let (x, fx) = before(self.columns, in_row, v * in_row(self.columns));
         let at = |i: usize, f: f64, n: usize| 2.0 * (i as f64 + f) / n as f64 - 1.0;

@@ -176,7 +176,7 @@ pub(super) fn positive(name: &str, value: f64, what: &str) -> Result<f64> {
 
 /// Numbers that all lie within a bound.
 fn within(name: &str, values: &[f64], bound: f64, what: &str) -> Result<()> {
-    match values.iter().find(|v| !(v.abs() <= bound)) {
+    match values.iter().find(|v| v.is_nan() || v.abs() > bound) {
         None => Ok(()),
         Some(v) => Err(value_error!("{name} must be {what}, from {} to {bound}; got {v}", -bound)),
     }
@@ -223,7 +223,7 @@ impl Lens {
 
     /// The same lens, mounted like this.
     pub fn mounted(self, mount: Mount) -> Result<Lens> {
-        if let Some(angle) = mount.tilt_deg.iter().find(|angle| !(angle.abs() < 90.0)) {
+        if let Some(angle) = mount.tilt_deg.iter().find(|angle| angle.is_nan() || angle.abs() >= 90.0) {
             return Err(value_error!(
                 "tilt must be two angles in degrees between -90 and 90; got {angle} for one"
             ));

@@ -8,9 +8,10 @@
 //! `k (d'(q) - d_f(c)) = t - k b . (q - p) = t (1 - k b . l)`. That is the plain lens again, over `d'`, with the lens
 //! points `l / (1 - k b . l)`: exact, and all that a tilt is.
 //!
-//! Field curvature adds `h |p - c|^2`. It is taken off likewise; its own gradient would change lens points by `k 2 h (p - c)
-//! . l` of themselves, which is left out: where the curvature has changed the focus by `n` pixels of circle of confusion at
-//! `r` pixels from the axis, radii are up to `2 n / r` of themselves too large or too small towards one side.
+//! Field curvature adds `h |p - c|^2`. It is taken off likewise; its own gradient would change lens points by `k 2 h
+//! (p - c) . l` of themselves, which is left out: where the curvature has changed the focus by `n` pixels of circle
+//! of confusion at `r` pixels from the axis, radii are up to `2 n / r` of themselves too large or too small towards
+//! one side.
 
 use super::lens::{Base, Lens};
 use crate::error::{Result, value_error};
@@ -90,8 +91,8 @@ impl Lens {
         self.mount.tilt_deg != [0.0; 2] || self.flaws.field_curvature != 0.0
     }
 
-    /// The disparity that has to be in focus on the axis for the focus surface to hold what has disparity `d` at the place
-    /// `u`, in focal lengths to the right of the axis and below it; none if that is in front of no camera.
+    /// The disparity that has to be in focus on the axis for the focus surface to hold what has disparity `d` at the
+    /// place `u`, in focal lengths to the right of the axis and below it; none if that is in front of no camera.
     pub fn on_axis(&self, d: f64, u: [f64; 2]) -> Option<f64> {
         if !self.has_surface() {
             return Some(d);

@@ -24,8 +24,9 @@ use std::sync::Arc;
 /// roundness : float, optional
 ///     How much the blades bulge: 0 (default) is straight, 1 makes one circle of them.
 /// ratio : float, optional
-///     Height of the opening over its width, Blender's word for an anamorphic lens: 2 draws points twice as high as wide.
-///     The longer half-axis stays ``aperture_radius``. The squeeze is along the picture's axes, after the rotation.
+///     Height of the opening over its width, Blender's word for an anamorphic lens: 2 draws points twice as high as
+///     wide. The longer half-axis stays ``aperture_radius``. The squeeze is along the picture's axes, after the
+///     rotation.
 /// obstruction : float, optional
 ///     Part of the way from the centre to the rim that is closed, 0 to 0.95, as by the mirror of a mirror lens. The
 ///     hole has the shape of the opening.
@@ -34,13 +35,13 @@ use std::sync::Arc;
 ///     least 0.05. ``None`` (default) is a clear opening.
 /// spherical : float, optional
 ///     Spherical aberration, -1 to 1. Behind the focus the light of a point has the density ``1 + spherical * (2 rho**2
-///     - 1)``, in front of it that with the other sign, where ``rho`` goes from 0 at the centre to 1 at the rim. Positive
-///     values draw bright rims behind the focus and soft discs in front of it; what is in focus stays sharp, and no light
-///     is lost.
+///     - 1)``, in front of it that with the other sign, where ``rho`` goes from 0 at the centre to 1 at the rim.
+///     Positive values draw bright rims behind the focus and soft discs in front of it; what is in focus stays sharp,
+///     and no light is lost.
 /// image : ndarray or path, optional
-///     A picture of the transmission, shape (N, M), not negative; or a file to read one from, whose colours are averaged
-///     in linear light. It fills the square around the round opening, which cuts off its corners; only the ratios of its
-///     values matter. It is the whole opening: of the words above only `ratio` goes with it.
+///     A picture of the transmission, shape (N, M), not negative; or a file to read one from, whose colours are
+///     averaged in linear light. It fills the square around the round opening, which cuts off its corners; only the
+///     ratios of its values matter. It is the whole opening: of the words above only `ratio` goes with it.
 ///
 /// Raises
 /// ------

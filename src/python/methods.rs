@@ -66,9 +66,11 @@ fn refuse_features(method: &str, aperture: Option<&PyAperture>, accepted: &[Feat
     }
     let can = match accepted {
         [] => "a plain disc".to_owned(),
-        _ => format!("a disc and {}", names(&mut accepted.iter().copied())),
+        _ => format!("a disc with no more than {}", names(&mut accepted.iter().copied())),
     };
-    Err(value_error!("aperture: method={method:?} draws {can}, and no {alien}; got {aperture}"))
+    Err(value_error!(
+        "aperture must be {can} for method={method:?}, which cannot draw {alien}; got {aperture}"
+    ))
 }
 
 fn read_lens(options: &mut Options) -> PyResult<Method> {

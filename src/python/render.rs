@@ -113,8 +113,8 @@ fn check_device(name: &str) -> PyResult<()> {
 /// depth_kind : str, optional
 ///     ``"z"`` (planar, metres, default), ``"distance"`` (from the pinhole along the ray, metres),
 ///     ``"inverse_z"`` (1/m), ``"disparity"`` (relative; needs `Lens.from_disparity`), ``"relative"`` (the same of any
-///     scale, brought to 0 (far) to 1 (near) robustly first: those are its 1st and 99th percentile), ``"zbuffer"`` (0 to 1
-///     between `near` and `far`) or ``"distance_from_near"`` (Mitsuba's depth AOV: along the ray from the near
+///     scale, brought to 0 (far) to 1 (near) robustly first: those are its 1st and 99th percentile),
+///     ``"zbuffer"`` (0 to 1 between `near` and `far`) or ``"distance_from_near"`` (Mitsuba's depth AOV: along the ray from the near
 ///     plane, 0 where nothing is hit).
 /// near, far : float, optional
 ///     Clip planes in metres, for the kinds that need them.

@@ -14,7 +14,7 @@ def disc(x: NDArray, y: NDArray) -> NDArray:
 
 
 def polygon(blades: int, rotation_deg: float) -> Inside:
-    """Transmission of a regular polygon in the unit circle, its first corner `rotation_deg` above the x axis."""
+    """Transmission of a polygon in the unit circle, its first corner `rotation_deg` above the x axis."""
     middles = np.radians(rotation_deg + 360.0 / blades * (np.arange(blades) + 0.5))
 
     def inside(x: NDArray, y: NDArray) -> NDArray:

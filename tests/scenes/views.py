@@ -1,9 +1,9 @@
 """References for lenses that Mitsuba does not have: many pinhole views from points of the lens, added up.
 
-A pinhole at a point of the lens whose film lies parallel to the plane in focus sees that plane undistorted, only moved
-and scaled; a principal point and a field of view take both back, so that what is in focus falls on the same
-pixels in all views and their mean is the picture through the lens. The film of a tilted focus plane leans with it; the
-mean is then looked up once for each pixel of the upright picture.
+A pinhole at a point of the lens whose film lies parallel to the plane in focus sees that plane undistorted,
+only moved and scaled; a principal point and a field of view take both back, so that what is in focus falls on
+the same pixels in all views and their mean is the picture through the lens. The film of a tilted focus plane
+leans with it; the mean is then looked up once for each pixel of the upright picture.
 """
 
 from math import atan, degrees, radians, tan

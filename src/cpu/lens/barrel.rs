@@ -1,4 +1,5 @@
-//! What a lens's barrel hides of the opening: a second stop, as large as the unit disc, that every pixel sees elsewhere.
+//! What a lens's barrel hides of the opening: a second stop, as large as the unit disc, that every pixel sees
+//! elsewhere.
 //!
 //! A pixel's light is that of the lens points it still sees, and is shared among them: the barrel changes the form
 //! of discs and not the brightness of the picture, which is [falloff's](crate::cpu::falloff).
@@ -23,15 +24,8 @@ pub struct Clip {
     open: Vec<[f64; DISTANCES + 1]>,
 }
 
-/// What the pixels of a tile see of one view.
-pub enum Clipped {
-    /// All see it.
-    Not,
-    /// None does.
-    Whole,
-    /// Those whose bit is set do.
-    Part([u64; TILE.1]),
-}
+/// Which pixels of a tile see a view, a bit for each pixel of a row.
+pub type Seen = [u64; TILE.1];
 
 impl Clip {
     /// The barrel of a lens before its opening.
@@ -66,14 +60,18 @@ impl Clip {
     /// opening is drawn `t` pixels large: nothing beyond the stop, whose rim is as soft as a pixel.
     pub fn share(&self, [x, y]: [f64; 2], l: [f64; 2], t: f64) -> f64 {
         let (pupil, stop) = (self.aperture.pupil(l), self.barrel.stop(x, y));
+        // A pixel on the rim of the lens itself is looked at half a pixel inside, where its light is: it is the stop's
+        // rim that is to be softened, and not both.
+        let innermost = (1.0 - 0.5 / t.abs()).max(0.0) / pupil[0].hypot(pupil[1]).max(1e-9);
+        let pupil = pupil.map(|v| v * innermost.min(1.0));
         let inside = 1.0 - (pupil[0] - stop[0]).hypot(pupil[1] - stop[1]);
         let open = self.open(x, y);
         if open > 0.0 { (0.5 + t.abs() * inside).clamp(0.0, 1.0) / open } else { 0.0 }
     }
 
-    /// Which pixels of the tile at `origin` see the opening at `pupil`: those `p` with `|pupil - c(p)| <= 1`. As `c` is
-    /// linear, in every row a stretch.
-    pub fn view(&self, pupil: [f64; 2], origin: (usize, usize)) -> Clipped {
+    /// Which pixels of the tile at `origin` see the opening at `pupil`, if any do: those `p` with `|pupil - c(p)| <=
+    /// 1`. As `c` is linear, in every row a stretch.
+    pub fn view(&self, pupil: [f64; 2], origin: (usize, usize)) -> Option<Seen> {
         let Barrel { centre, per_px } = self.barrel;
         // The pixel whose stop is centred on the point, from the tile's first, and the reach of that pixel.
         let middle = [0, 1].map(|i| {
@@ -85,12 +83,12 @@ impl Clip {
         let farthest = [0, 1].map(|i| middle[i].abs().max((last[i] - middle[i]).abs()));
         let nearest = [0, 1].map(|i| (-middle[i]).max(middle[i] - last[i]).max(0.0));
         if farthest[0].hypot(farthest[1]) <= reach {
-            return Clipped::Not;
+            return Some([u64::MAX; TILE.1]);
         }
         if nearest[0].hypot(nearest[1]) > reach {
-            return Clipped::Whole;
+            return None;
         }
-        Clipped::Part(std::array::from_fn(|y| {
+        Some(std::array::from_fn(|y| {
             let down = y as f64 - middle[1];
             let half = reach * reach - down * down;
             if half < 0.0 {
@@ -134,11 +132,7 @@ mod tests {
         let clip = clip();
         for origin in [(0, 0), (128, 96), (256, 160)] {
             for pupil in Aperture::DISC.lens_points(256, Side::Behind) {
-                let rows = match clip.view(pupil, origin) {
-                    Clipped::Not => [u64::MAX; TILE.1],
-                    Clipped::Whole => [0; TILE.1],
-                    Clipped::Part(rows) => rows,
-                };
+                let rows = clip.view(pupil, origin).unwrap_or([0; TILE.1]);
                 for (x, y) in (0..TILE.1).flat_map(|y| (0..TILE.0).map(move |x| (x, y))) {
                     let c = clip.barrel.stop((origin.0 + x) as f64, (origin.1 + y) as f64);
                     let apart = (pupil[0] - c[0]).hypot(pupil[1] - c[1]);

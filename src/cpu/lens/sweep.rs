@@ -4,7 +4,7 @@
 //! offset. So a ray's way into the scene is a list of segments, near to far, each "look at the cells at this
 //! offset, take those whose depth lies in this interval": contiguous loads, no z-buffer, no gather.
 
-use super::barrel::{Clip, Clipped};
+use super::barrel::{Clip, Seen};
 use super::blocks::{BLOCK, DepthBits, any_bin};
 use super::cells::Codes;
 use super::lanes::{HalfPlaneRow, LANES, Lanes, Portable, Ray};
@@ -34,7 +34,7 @@ pub struct Segments {
     /// End of each view's segments.
     ends: Vec<u32>,
     /// For each view, the pixels of each row of the tile that see it; empty where all see all.
-    seen: Vec<[u64; TILE.1]>,
+    seen: Vec<Seen>,
 }
 
 /// Runs of set bits, as `first .. end`.
@@ -97,11 +97,8 @@ impl Segments {
         let runs = runs(start.occupied);
         for view in views {
             if let Some(clip) = start.clip {
-                match clip.view(view.pupil, start.origin) {
-                    Clipped::Whole => continue,
-                    Clipped::Not => self.seen.push([u64::MAX; TILE.1]),
-                    Clipped::Part(rows) => self.seen.push(rows),
-                }
+                let Some(seen) = clip.view(view.pupil, start.origin) else { continue };
+                self.seen.push(seen);
             }
             for &(first_bin, end_bin) in runs.iter().rev() {
                 let (near, far) = ((end_bin * 256).min(usize::from(u16::MAX)), (first_bin * 256).max(1));

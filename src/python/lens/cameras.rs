@@ -223,8 +223,8 @@ impl PyLens {
     /// Returns
     /// -------
     /// Lens
-    ///     With ``aperture_radius = lens / (2 fstop)``, as Cycles has it; that is half the height of its opening, and an
-    ///     anamorphic one may be wider.
+    ///     With ``aperture_radius = lens / (2 fstop)``, as Cycles has it; that is half the height of its opening, and
+    ///     an anamorphic one may be wider.
     ///
     /// Raises
     /// ------
@@ -357,7 +357,7 @@ impl PyLens {
     /// >>> lens = dofsim.Lens.from_camera(focal_length_mm=50, f_number=8, focus_distance=3.0)
     /// >>> near, far = lens.depth_of_field(0.03)
     /// >>> round(near, 3), round(far, 3)
-    /// (2.337, 4.189)
+    /// (2.338, 4.185)
     fn depth_of_field(&self, coc_limit_mm: f64) -> PyResult<(f64, f64)> {
         Ok(self.core.depth_of_field(coc_limit_mm)?)
     }

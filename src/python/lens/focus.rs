@@ -110,8 +110,9 @@ impl PyLens {
     /// depth : ndarray
     ///     Depth of the picture, shape (H, W).
     /// target : {"nearest", "farthest", "centre"} or ndarray
-    ///     What to focus on: the nearest or farthest surface, all but a hundredth of the pixels being farther or nearer; the
-    ///     median of the middle, a tenth of the shorter side wide and high; or that of a mask, shape (H, W) of bool.
+    ///     What to focus on: the nearest or farthest surface, all but a hundredth of the pixels being farther or
+    ///     nearer; the median of the middle, a tenth of the shorter side wide and high; or that of a mask, shape (H,
+    ///     W) of bool.
     /// depth_kind : str, optional
     ///     How to read `depth`, as in `render`.
     /// near, far : float, optional
@@ -219,19 +220,19 @@ impl PyLens {
     /// >>> floor = 1.0 / np.linspace(0.1, 0.9, 9)[:, np.newaxis] * np.ones(9)
     /// >>> tilted = lens.focused_on_plane(floor, [(0, 8), (8, 8), (4, 2)])
     /// >>> round(tilted.focus_distance, 6), [round(angle, 3) for angle in tilted.tilt]
-    /// (2.0, [41.987, -0.0])
+    /// (2.0, [41.987, 0.0])
     #[pyo3(signature = (depth, pixels, *, depth_kind="z", near=None, far=None))]
     fn focused_on_plane(
         &self,
         depth: &Bound<'_, PyAny>,
-        pixels: [(isize, isize); 3],
+        pixels: [[isize; 2]; 3],
         depth_kind: &str,
         near: Option<f64>,
         far: Option<f64>,
     ) -> PyResult<PyLens> {
         let seen = read_seen_depth(depth, &DepthWords { depth_kind, near, far }, &self.core)?;
         let mut places = [[0.0; 3]; 3];
-        for (place, (x, y)) in places.iter_mut().zip(pixels) {
+        for (place, [x, y]) in places.iter_mut().zip(pixels) {
             let (x, y) = pixel(x, y, &seen)?;
             let disparity = seen.disparity(x, y).ok_or_else(|| {
                 PyValueError::new_err(format!("pixels: depth has no depth at row {y}, column {x}"))

@@ -37,14 +37,14 @@ pub fn hash_words(words: &str) -> u64 {
 /// fov_axis : {"x", "y", "diagonal", "smaller", "larger"}, optional
 ///     The side of the picture that `fov` spans.
 /// tilt : tuple of float, optional
-///     Angles in degrees by which the plane in focus leans about a horizontal and about a vertical axis through the point in
-///     focus on the optical axis: its top away from the camera, and its right side away from it.
+///     Angles in degrees by which the plane in focus leans about a horizontal and about a vertical axis through the
+///     point in focus on the optical axis: its top away from the camera, and its right side away from it.
 /// field_curvature : float, optional
 ///     Curvature of the image surface in 1/m. At the angle ``a`` to the axis the disparity in focus is larger by
 ///     ``field_curvature / 2 * tan(a)**2``: with ``1 / focus_distance`` a sphere about the lens is in focus.
 /// axial_color : tuple of float, optional
-///     What is added to the disparity in focus, ``1 / focus_distance``, for red, green and blue, in 1/m (dioptres). A lens
-///     whose focal length is shorter by ``df`` for blue has ``df / f**2`` there.
+///     What is added to the disparity in focus, ``1 / focus_distance``, for red, green and blue, in 1/m (dioptres). A
+///     lens whose focal length is shorter by ``df`` for blue has ``df / f**2`` there.
 /// lateral_color : tuple of float, optional
 ///     By how much of themselves the red, green and blue pictures are larger, at most 0.1: 0.001 moves the corner of a
 ///     picture 2000 pixels wide and high by 1.4 pixels.
@@ -52,15 +52,15 @@ pub fn hash_words(words: &str) -> u64 {
 ///     How far a second stop, as large as the opening, seems to move across it from the middle of the picture to its
 ///     corners, in radii of the opening, 0 to 1. It clips what is drawn of points away from the middle.
 /// vignetting : {"none", "optical", "natural", "full"}, optional
-///     Whether the picture is darker away from its middle: by what `cat_eye` clips, by the fourth power of the cosine of the
-///     angle to the axis, or by both.
+///     Whether the picture is darker away from its middle: by what `cat_eye` clips, by the fourth power of the cosine
+///     of the angle to the axis, or by both.
 /// principal_point : tuple of float, optional
 ///     Where the optical axis meets the picture: widths to the right of its middle and heights below it.
 /// sensor_mm : float, optional
 ///     Length of the sensor in millimetres along `fov_axis`, for what is asked in millimetres.
 /// breathing_focal_length_mm : float, optional
-///     Focal length in millimetres of a lens that breathes: focused nearer, its image is farther from it and larger. `fov`
-///     stays that of the pinhole picture. Needs `sensor_mm`.
+///     Focal length in millimetres of a lens that breathes: focused nearer, its image is farther from it and larger.
+///     `fov` stays that of the pinhole picture. Needs `sensor_mm`.
 ///
 /// Raises
 /// ------
@@ -87,7 +87,9 @@ pub struct PyLens {
     pub core: Lens,
 }
 
+/// A number for each axis of the picture.
 type Pair = (f64, f64);
+/// Red, green and blue.
 type Triple = (f64, f64, f64);
 
 #[pymethods]
@@ -102,27 +104,22 @@ impl PyLens {
         focus_distance: f64,
         fov: f64,
         fov_axis: &str,
-        tilt: Pair,
+        tilt: [f64; 2],
         field_curvature: f64,
-        axial_color: Triple,
-        lateral_color: Triple,
+        axial_color: [f64; 3],
+        lateral_color: [f64; 3],
         cat_eye: f64,
         vignetting: &str,
-        principal_point: Pair,
+        principal_point: [f64; 2],
         sensor_mm: Option<f64>,
         breathing_focal_length_mm: Option<f64>,
     ) -> PyResult<PyLens> {
         let fov_axis = choice("fov_axis", fov_axis, &FovAxis::NAMES)?;
-        let mount = Mount {
-            tilt_deg: tilt.into(),
-            principal_point: principal_point.into(),
-            sensor_mm,
-            breathing_focal_length_mm,
-        };
+        let mount = Mount { tilt_deg: tilt, principal_point, sensor_mm, breathing_focal_length_mm };
         let flaws = Flaws {
             field_curvature,
-            axial_color: axial_color.into(),
-            lateral_color: lateral_color.into(),
+            axial_color,
+            lateral_color,
             cat_eye,
             vignetting: choice("vignetting", vignetting, &Vignetting::NAMES)?,
         };
@@ -146,8 +143,8 @@ impl PyLens {
     /// Returns
     /// -------
     /// Lens
-    ///     For use with ``depth_kind="disparity"``, or with ``"relative"``, which first brings disparity of any scale to 0
-    ///     (far) to 1 (near): then the strength is the blur over the whole depth of the scene.
+    ///     For use with ``depth_kind="disparity"``, or with ``"relative"``, which first brings disparity of any scale
+    ///     to 0 (far) to 1 (near): then the strength is the blur over the whole depth of the scene.
     ///
     /// Raises
     /// ------
@@ -167,11 +164,11 @@ impl PyLens {
         strength_px: Option<f64>,
         strength_percent: Option<f64>,
         focus: f64,
-        axial_color: Triple,
-        lateral_color: Triple,
+        axial_color: [f64; 3],
+        lateral_color: [f64; 3],
         cat_eye: f64,
         vignetting: &str,
-        principal_point: Pair,
+        principal_point: [f64; 2],
     ) -> PyResult<PyLens> {
         let strength = match (strength_px, strength_percent) {
             (Some(px), None) => Strength::Px(px),
@@ -182,10 +179,10 @@ impl PyLens {
                 ));
             }
         };
-        let mount = Mount { principal_point: principal_point.into(), ..Mount::PLAIN };
+        let mount = Mount { principal_point, ..Mount::PLAIN };
         let flaws = Flaws {
-            axial_color: axial_color.into(),
-            lateral_color: lateral_color.into(),
+            axial_color,
+            lateral_color,
             cat_eye,
             vignetting: choice("vignetting", vignetting, &Vignetting::NAMES)?,
             ..Flaws::NONE
