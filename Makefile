@@ -4,6 +4,8 @@ PYTHON ?= python3
 DEMO := .venv
 WORK := .venv-test
 PROFILE := dev-fast
+# Dependency groups to test with besides: torch.
+EXTRAS ?=
 
 # Dependency groups came with pip 25.1.
 PIP := -m pip --disable-pip-version-check
@@ -24,7 +26,7 @@ help:
 	@echo 'make demo     install into $(DEMO) and render the picture that comes with dofsim into dofsim-demo/'
 	@echo 'make gallery  draw that picture with every method into build/gallery/'
 	@echo 'make lenses   draw that picture through twelve lenses into build/lenses/'
-	@echo 'make test     check everything, in $(WORK)'
+	@echo 'make test     check everything, in $(WORK); with EXTRAS=torch also against PyTorch'
 	@echo 'make bench    speed and memory at 1920 x 1080'
 	@echo 'make clean    remove what these made, but not the ray traced scenes in build/'
 
@@ -50,6 +52,8 @@ $(WORK)/.tools: pyproject.toml
 	$(WORK)/bin/python $(PIP) install --quiet --group test --group lint
 	@$(WORK)/bin/python $(PIP) install --quiet --group reference \
 		|| echo 'SKIPPED: Mitsuba cannot be installed here; the tests against it will be skipped'
+	@for group in $(EXTRAS); do $(WORK)/bin/python $(PIP) install --quiet --group $$group \
+		|| echo "SKIPPED: $$group cannot be installed here; its tests will be skipped"; done
 	@touch $@
 
 $(WORK)/.installed: $(WORK)/.tools $(SOURCES)

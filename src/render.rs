@@ -3,10 +3,11 @@
 use crate::cancel::Cancel;
 use crate::cpu::lens::Sheets;
 use crate::cpu::simd::Simd;
+use crate::device::{Device, Place};
 use crate::error::{Result, value_error};
 use crate::optics::{Base, FocusSurface, Imaging, Lens, Optics};
 use crate::picture::Picture;
-use crate::{cpu, plan};
+use crate::{cpu, gpu, plan};
 use std::borrow::Cow;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -43,6 +44,11 @@ impl Method {
         }
     }
 
+    /// The name users give it.
+    pub fn name(&self) -> &'static str {
+        self.describe().0
+    }
+
     /// Refuses pictures of so many layers and light channels, and lenses, that the method cannot work with. Every
     /// method honours what the thin lens itself, its focus surface or a whole picture can express.
     pub fn check(&self, lens: &Lens, layers: usize, lights: usize) -> Result<()> {
@@ -76,6 +82,24 @@ impl Method {
     }
 }
 
+/// How long one pass took on a GPU.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PassTime {
+    /// The shader.
+    pub name: &'static str,
+    /// Its time on the device.
+    pub seconds: f64,
+}
+
+/// One picture of a scene.
+#[derive(Debug, Clone)]
+pub struct Rendered {
+    /// Interleaved, premultiplied where it has coverage.
+    pub pixels: Vec<f32>,
+    /// The passes that made it, in order; empty on the CPU, and where a GPU keeps no time.
+    pub passes: Vec<PassTime>,
+}
+
 /// A picture as the focus surface of a lens has it, and its sheets for a lens of some strength.
 type Prepared = (f64, FocusSurface, Arc<Sheets>);
 
@@ -90,6 +114,8 @@ pub struct Scene {
     flattened: Mutex<Option<(FocusSurface, Arc<Picture>)>>,
     /// The sheets last used.
     sheets: Mutex<Option<Prepared>>,
+    /// The picture on the device last used.
+    residence: gpu::Residence,
 }
 
 impl Scene {
@@ -97,7 +123,14 @@ impl Scene {
     /// hold light.
     pub fn new(picture: Picture, lights: usize, supersample: usize) -> Scene {
         let picture = Arc::new(picture);
-        Scene { picture, lights, supersample, flattened: Mutex::new(None), sheets: Mutex::new(None) }
+        Scene {
+            picture,
+            lights,
+            supersample,
+            flattened: Mutex::new(None),
+            sheets: Mutex::new(None),
+            residence: gpu::Residence::default(),
+        }
     }
 
     /// The picture for which this focus surface is a plane that faces the camera.
@@ -139,15 +172,34 @@ impl Scene {
         Ok(sheets)
     }
 
-    /// The scene through a lens, interleaved, premultiplied where it has coverage. The method has been
-    /// [checked](Method::check).
-    pub fn render(
+    /// The scene through each of some lenses. The method has been [checked](Method::check).
+    pub fn render_each(
         &self,
-        imaging: &Imaging,
+        lenses: &[Imaging],
         method: &Method,
+        device: Device,
         simd: Simd,
         cancel: &Cancel,
-    ) -> Result<Vec<f32>> {
+    ) -> Result<Vec<Rendered>> {
+        match device.place(method, lenses)? {
+            Place::Cpu => lenses.iter().map(|lens| self.on_cpu(lens, method, simd, cancel)).collect(),
+            Place::Gpu(adapter) => {
+                // What a device places there is a thin lens; its focus surface faces the camera.
+                let facing =
+                    |optics: &Optics| self.sheets(&self.picture, &lenses[0].surface, optics, simd, cancel);
+                let source = gpu::Source {
+                    picture: &self.picture,
+                    residence: &self.residence,
+                    sheets: facing,
+                    supersample: self.supersample,
+                };
+                let optics: Vec<Optics> = lenses.iter().map(|lens| lens.optics_of(1)).collect();
+                gpu::render_each(adapter, &source, &optics, method, simd, cancel)
+            }
+        }
+    }
+
+    fn on_cpu(&self, imaging: &Imaging, method: &Method, simd: Simd, cancel: &Cancel) -> Result<Rendered> {
         let (size, surface) = (self.picture.size, &imaging.surface);
         let flattened = self.flattened(surface);
         let mut full = by_focus(imaging, &flattened, |part| {
@@ -206,10 +258,11 @@ impl Scene {
             };
             cpu::falloff::darken(&mut full, size, self.lights, falloff, clip.as_ref());
         }
-        Ok(match self.supersample {
+        let pixels = match self.supersample {
             1 => full,
             n => cpu::resolve::box_average(&full, size, n),
-        })
+        };
+        Ok(Rendered { pixels, passes: Vec::new() })
     }
 }
 

@@ -43,7 +43,13 @@ pub fn views(aperture: &Aperture, n: usize) -> Vec<View> {
     let in_front = aperture.lens_points(n, Side::InFront);
     let behind = if aperture.has_sides() { aperture.lens_points(n, Side::Behind) } else { in_front.clone() };
     let pupil = aperture.pupil_points(n);
-    (0..n)
-        .map(|i| View { in_front: in_front[i], behind: behind[i], pupil: pupil[i], start: start(i) })
-        .collect()
+    let view = |i: usize| View { in_front: in_front[i], behind: behind[i], pupil: pupil[i], start: start(i) };
+    let mut views: Vec<View> = (0..n).map(view).collect();
+    // Neighbours look at nearly the same cells, which one after another are still in the first level of the cache:
+    // to and fro along strips that hold about as many views as there are strips.
+    let strips = (n as f64).sqrt();
+    let strip = |view: &View| ((0.5 + 0.5 * view.in_front[1]) * strips) as usize;
+    let along = |view: &View| if strip(view) % 2 == 0 { view.in_front[0] } else { -view.in_front[0] };
+    views.sort_by(|a, b| strip(a).cmp(&strip(b)).then(along(a).total_cmp(&along(b))));
+    views
 }

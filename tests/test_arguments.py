@@ -120,7 +120,7 @@ WRONG = {
     "zero depth": ({"depth": bad_depth(0.0)}, "depth has 3 of 768.*first is 0 at row 3, column 5"),
     "absurd lens": ({"lens": LENS.replace(aperture_radius=1e3)}, "lens: .*circle of confusion.*2048 px"),
     "method": ({"method": "magic"}, 'method must be one of "lens", .*"taps".*"magic"'),
-    "device": ({"device": "tpu"}, 'device must be one of "auto", "cpu", "gpu"; got "tpu"'),
+    "device": ({"device": "tpu"}, 'device must be "auto", "cpu", "gpu" or an adapter; got "tpu"'),
     "depth kind": ({"depth_kind": "metres"}, 'depth_kind must be one of "z", "distance".*"metres"'),
     "alpha": ({"alpha": "yes"}, 'alpha must be one of "premultiplied", "straight", "none"; got "yes"'),
     "alpha of three": ({"alpha": "straight"}, 'alpha must be "none" for color of 3 channels'),
@@ -168,8 +168,8 @@ def test_what_is_of_the_wrong_type_is_named(changes, text):
 
 
 def test_a_device_that_is_not_there_is_its_own_error():
-    with pytest.raises(dofsim.DeviceError, match="gpu"):
-        call(device="gpu")
+    with pytest.raises(dofsim.DeviceError, match="gpu:99"):
+        call(device="gpu:99")
     assert issubclass(dofsim.DeviceError, RuntimeError)
 
 

@@ -264,7 +264,7 @@ def test_killed_at_any_moment_and_resumed(data):
     expected = statuses(map_frames(frames("whole", outputs=outputs)))
     rng = np.random.default_rng()
     done = []
-    for _ in range(6):
+    for _ in range(20):
         child = subprocess.Popen([sys.executable, "-c", KILLED], stdout=subprocess.PIPE, text=True)
         with child:
             assert child.stdout.readline() == "started\n"

@@ -2,15 +2,21 @@
 
 import doctest
 import inspect
+from importlib import import_module
+from importlib.util import find_spec
 
 import dofsim
 import pytest
 from dofsim import batch, io, metrics, presets
 
+MODULES = [dofsim, batch, io, metrics, presets]
+if find_spec("torchvision"):
+    MODULES.append(import_module("dofsim.torch"))
+
 
 def documented():
     """Yield the name and the text of all public objects and of their public members."""
-    for module in (dofsim, batch, io, metrics, presets):
+    for module in MODULES:
         for name in module.__all__:
             thing = getattr(module, name)
             if not (inspect.isclass(thing) or callable(thing)):

@@ -3,6 +3,7 @@
 import doctest
 import importlib
 import struct
+import zipfile
 
 import cv2
 import numpy as np
@@ -347,6 +348,18 @@ class _Single(dict):
 
     def __exit__(self, *_):
         pass
+
+
+def test_numpy_files_written_by_hand(tmp_path, rng):
+    depth = rng.random((5, 7)).astype("<f4")
+    words = b"{'descr': '<f4', 'fortran_order': False, 'shape': (5, 7), }"
+    header = words + b" " * (-(len(words) + 11) % 64) + b"\n"
+    data = b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header + depth.tobytes()
+    (tmp_path / "d.npy").write_bytes(data)
+    with zipfile.ZipFile(tmp_path / "d.npz", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("depth.npy", data)
+    for name in ("d.npy", "d.npz"):
+        np.testing.assert_array_equal(io.read_depth(tmp_path / name), depth)
 
 
 def test_numpy_files_of_other_layouts(tmp_path, rng):

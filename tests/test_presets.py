@@ -167,3 +167,10 @@ def test_hdf5_names_the_package_it_needs(folder, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "h5py", None)
     with pytest.raises(ImportError, match=r"pip install dofsim\[hdf5\]"):
         io.read_depth("a.hdf5")
+
+
+def test_hdf5_written_by_pytables(tmp_path):
+    tables = pytest.importorskip("tables")
+    with tables.open_file(tmp_path / "d.hdf5", "w") as file:
+        file.create_carray("/", "dataset", obj=METRES.astype(np.float16), filters=tables.Filters(5, "zlib"))
+    np.testing.assert_array_equal(io.read_depth(tmp_path / "d.hdf5"), METRES)

@@ -61,6 +61,15 @@ def batch_command(
         int,
         typer.Option(min=1, help="Processes to work in; they share the threads.", rich_help_panel=_FRAMES),
     ] = 1,
+    dask: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS|local",
+            help="Work on the cluster of a Dask scheduler, or on one of --workers processes made for this "
+            "run. Every worker must see the files under the same paths.",
+            rich_help_panel=_FRAMES,
+        ),
+    ] = None,
     outputs: Annotated[
         str,
         typer.Option(
@@ -155,7 +164,16 @@ def batch_command(
     from . import io
     from .batch import Frame
 
+    if dask not in (None, "local"):
+        if workers != 1:
+            raise ValueError("--workers is for this machine; the cluster of --dask has its own")
+        output = output.absolute()
     rows = list(_rows(color, depth, manifest, output))
+    if dask not in (None, "local"):
+        # Workers elsewhere stand in other folders.
+        rows = [
+            replace(row, color=row.color.absolute(), depth=row.depth and row.depth.absolute()) for row in rows
+        ]
     words, opening = options.read_settings(
         lens_file,
         {
@@ -196,7 +214,7 @@ def batch_command(
         "invalid": invalid,
         "overscan": overscan,
         "supersample": supersample,
-        "threads": threads if threads is not None else _threads_each(workers),
+        "threads": threads,
         **options.read_method_options(method_options or []),
         **({"aperture": dofsim.Aperture(**opening)} if opening else {}),
     }
@@ -228,7 +246,7 @@ def batch_command(
     _check_paths(frames)
     _check_options(frames[0])
     _remove_parts(frames)
-    return _run(frames, output, workers=workers, resume=resume)
+    return _run(frames, output, workers=workers, dask=dask, resume=resume)
 
 
 def _rows(color: str | None, depth: str | None, manifest: Path | None, output: Path) -> Iterator[Row]:
@@ -249,11 +267,6 @@ def _rows(color: str | None, depth: str | None, manifest: Path | None, output: P
 
 def _has_focus(words: dict[str, Any]) -> bool:
     return options.focus_word(words) in words
-
-
-def _threads_each(workers: int) -> int | None:
-    """Share the processors among the workers."""
-    return None if workers == 1 else max(1, (os.cpu_count() or 1) // workers)
 
 
 def _check_paths(frames: list[Frame]) -> None:
@@ -294,7 +307,7 @@ def _remove_parts(frames: list[Frame]) -> None:
                 part.unlink()
 
 
-def _run(frames: list[Frame], output: Path, *, workers: int, resume: bool) -> int:
+def _run(frames: list[Frame], output: Path, *, workers: int, dask: str | None, resume: bool) -> int:
     """Work through the frames and return the exit status."""
     from tqdm import tqdm
 
@@ -305,12 +318,16 @@ def _run(frames: list[Frame], output: Path, *, workers: int, resume: bool) -> in
     counts: Counter[str] = Counter()
     start = time.perf_counter()
     with (
-        _executor(workers) as executor,
+        _executor(workers, dask) as (executor, slots, threads),
         # Only people are shown how it goes on, not files.
         tqdm(total=len(frames), unit="frame", disable=None) as progress,
     ):
         for result in map_frames(
-            frames, executor=executor, in_flight=2 * workers, resume=resume, failures=failures
+            [_with_threads(frame, threads) for frame in frames],
+            executor=executor,
+            in_flight=2 * slots,
+            resume=resume,
+            failures=failures,
         ):
             counts[result.status] += 1
             progress.update()
@@ -326,19 +343,32 @@ def _run(frames: list[Frame], output: Path, *, workers: int, resume: bool) -> in
     return 1 if counts["failed"] else 0
 
 
+def _with_threads(frame: Frame, threads: int | None) -> Frame:
+    """Share the processors among frames that are computed side by side, unless the user has."""
+    given = frame.options["threads"]
+    return replace(frame, options={**frame.options, "threads": threads if given is None else given})
+
+
 @contextmanager
-def _executor(workers: int) -> Iterator[Executor | None]:
-    """Give this process itself for one worker, a pool of processes for more."""
-    if workers == 1:
-        yield None
-        return
+def _executor(workers: int, dask: str | None) -> Iterator[tuple[Executor | None, int, int | None]]:
+    """Give an executor, how many frames it computes at a time, and the threads for each of them.
+
+    One worker is this process itself.
+    """
     from concurrent.futures import BrokenExecutor
 
-    from .batch.workers import process_pool
+    from .batch.workers import dask_cluster, process_pool
 
+    if dask is not None:
+        with dask_cluster(dask, workers) as cluster:
+            yield cluster.executor, cluster.slots, cluster.threads_each
+        return
+    if workers == 1:
+        yield None, 1, None
+        return
     try:
         with process_pool(workers) as pool:
-            yield pool
+            yield pool, workers, max(1, (os.cpu_count() or 1) // workers)
     except BrokenExecutor as error:
         raise OSError(
             "a worker was killed, as happens when memory runs out; run again to go on, with fewer --workers"

@@ -8,6 +8,7 @@ from typing_extensions import Unpack
 
 __all__ = [
     "Aperture",
+    "Device",
     "DeviceError",
     "ExrPart",
     "Lens",
@@ -15,6 +16,7 @@ __all__ = [
     "__version__",
     "coc",
     "decode_codes",
+    "devices",
     "encode_codes",
     "exr_parts",
     "file_kind",
@@ -37,7 +39,8 @@ _Alpha: TypeAlias = Literal["premultiplied", "straight", "none"]
 _DepthKind: TypeAlias = Literal[
     "z", "distance", "inverse_z", "disparity", "relative", "zbuffer", "distance_from_near"
 ]
-_Device: TypeAlias = Literal["auto", "cpu", "gpu"]
+# "auto", "cpu", "gpu", or an adapter by its id or its name.
+_Device: TypeAlias = str
 _FovAxis: TypeAlias = Literal["x", "y", "diagonal", "smaller", "larger"]
 _Invalid: TypeAlias = Literal["raise", "far"]
 _Pair: TypeAlias = tuple[float, float]
@@ -87,6 +90,23 @@ class _SpritesOptions(TypedDict, total=False):
 __version__: str
 
 class DeviceError(RuntimeError): ...
+
+@final
+class Device:
+    @property
+    def id(self, /) -> str: ...
+    @property
+    def name(self, /) -> str: ...
+    @property
+    def kind(self, /) -> Literal["discrete", "integrated", "virtual", "software", "other"]: ...
+    @property
+    def backend(self, /) -> str: ...
+    @property
+    def driver(self, /) -> str: ...
+    @property
+    def max_buffer_bytes(self, /) -> int: ...
+    @property
+    def max_binding_bytes(self, /) -> int: ...
 
 @final
 class Aperture:
@@ -455,6 +475,83 @@ class Scene:
         threads: int | None = None,
         **options: Unpack[_SpritesOptions],
     ) -> NDArray[Any]: ...
+    @overload
+    def profile(
+        self,
+        /,
+        lens: Lens,
+        *,
+        method: Literal["lens"] = "lens",
+        aperture: Aperture | None = None,
+        threads: int | None = None,
+        **options: Unpack[_LensOptions],
+    ) -> list[tuple[str, float]]: ...
+    @overload
+    def profile(
+        self,
+        /,
+        lens: Lens,
+        *,
+        method: Literal["poisson"],
+        aperture: Aperture | None = None,
+        threads: int | None = None,
+        **options: Unpack[_PoissonOptions],
+    ) -> list[tuple[str, float]]: ...
+    @overload
+    def profile(
+        self,
+        /,
+        lens: Lens,
+        *,
+        method: Literal["gaussian"],
+        aperture: Aperture | None = None,
+        threads: int | None = None,
+        **options: Unpack[_GaussianOptions],
+    ) -> list[tuple[str, float]]: ...
+    @overload
+    def profile(
+        self,
+        /,
+        lens: Lens,
+        *,
+        method: Literal["taps"],
+        aperture: Aperture | None = None,
+        threads: int | None = None,
+        **options: Unpack[_TapsOptions],
+    ) -> list[tuple[str, float]]: ...
+    @overload
+    def profile(
+        self,
+        /,
+        lens: Lens,
+        *,
+        method: Literal["hexagonal"],
+        aperture: Aperture | None = None,
+        threads: int | None = None,
+        **options: Unpack[_HexagonalOptions],
+    ) -> list[tuple[str, float]]: ...
+    @overload
+    def profile(
+        self,
+        /,
+        lens: Lens,
+        *,
+        method: Literal["levels"],
+        aperture: Aperture | None = None,
+        threads: int | None = None,
+        **options: Unpack[_LevelsOptions],
+    ) -> list[tuple[str, float]]: ...
+    @overload
+    def profile(
+        self,
+        /,
+        lens: Lens,
+        *,
+        method: Literal["sprites"],
+        aperture: Aperture | None = None,
+        threads: int | None = None,
+        **options: Unpack[_SpritesOptions],
+    ) -> list[tuple[str, float]]: ...
 
 @final
 class ExrPart:
@@ -467,6 +564,7 @@ class ExrPart:
     @property
     def display_window(self, /) -> tuple[int, int, int, int]: ...
 
+def devices() -> list[Device]: ...
 def coc(
     depth: NDArray[np.floating[Any]],
     lens: Lens,

@@ -106,7 +106,9 @@ Alpha = Annotated[
     str | None, typer.Option(help="What a second or fourth channel is: straight, premultiplied or none.")
 ]
 Method = Annotated[str, typer.Option(help="How to compute.")]
-Device = Annotated[str, typer.Option(help="Where to compute: auto, cpu or gpu.")]
+Device = Annotated[
+    str, typer.Option(help="Where to compute: auto, cpu, gpu, or an adapter that `dofsim devices` lists.")
+]
 Overscan = Annotated[int, typer.Option(help="Margin of the picture beyond the output, in output pixels.")]
 Supersample = Annotated[int, typer.Option(help="Pixels of the picture to one of the output.")]
 Threads = Annotated[int | None, typer.Option(help="Threads to use; all by default.")]
@@ -244,6 +246,8 @@ def make_lens(words: Mapping[str, Any]) -> dofsim.Lens:
         (kind for kind in kinds if any(word in kind[0] and word != "focus_distance" for word in words)),
         (THIN_WORDS, dofsim.Lens),
     )
+    # TOML and JSON have lists where Python's words are tuples.
+    words = {word: tuple(value) if isinstance(value, list) else value for word, value in words.items()}
     further = {word: value for word, value in words.items() if word in FURTHER_WORDS}
     words = {word: value for word, value in words.items() if word not in further}
     if alien := [word for word in words if word not in known]:

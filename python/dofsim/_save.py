@@ -48,7 +48,7 @@ def write_image(
     alpha: Alpha | None = None,
     depth: ArrayLike | None = None,
     dtype: SampleType | None = None,
-    compression: Compression = "zip",
+    compression: Compression | None = None,
 ) -> None:
     """Write a picture in the format that the suffix names.
 
@@ -75,7 +75,8 @@ def write_image(
         The type of the samples in the file. The default is that of ``pixels`` where the format has it, else
         ``"float"`` or ``"uint8"``.
     compression : {"none", "rle", "zips", "zip", "piz"}, optional
-        Of OpenEXR files. All are lossless.
+        Of OpenEXR files. All are lossless. The default is ``"zip"`` for half floats, which it halves, and
+        ``"none"`` for floats, which it shrinks by a twentieth in longer than it takes to render them.
 
     Raises
     ------
@@ -117,7 +118,8 @@ def write_image(
         values = _converted(array, target, transfer, alpha)
         if kind == "exr":
             channels = _exr_channels(values) + ([] if plane is None else [("Z", plane)])
-            _dofsim.write_exr(path, [(None, channels)], compression=compression)
+            usual: Compression = "zip" if target is np.float16 else "none"
+            _dofsim.write_exr(path, [(None, channels)], compression=compression or usual)
         elif kind == "png":
             _dofsim.write_png(path, values)
         elif kind == "tiff":

@@ -11,7 +11,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -139,6 +139,9 @@ def render_command(
     supersample: options.Supersample = 1,
     threads: options.Threads = None,
     dtype: options.SampleType = None,
+    profile: Annotated[
+        bool, typer.Option("--profile", help="Print what each pass takes on the GPU.")
+    ] = False,
 ) -> None:
     """Render a picture through a lens."""
     from . import io
@@ -176,25 +179,26 @@ def render_command(
     color = picture.to_linear()
     has_alpha = picture.alpha != "none"
 
-    start = time.perf_counter()
-    result = dofsim.render(
-        color,
-        rgbd.depth,
-        options.make_lens(words),
-        method=method,
-        device=device,
-        depth_kind=kind,
-        near=near,
-        far=far,
-        invalid=invalid,
-        alpha="premultiplied" if has_alpha else "none",
-        transfer="linear",
-        overscan=overscan,
-        supersample=supersample,
-        threads=threads,
+    lens = options.make_lens(words)
+    scene_words: dict[str, Any] = {
+        "device": device,
+        "depth_kind": kind,
+        "near": near,
+        "far": far,
+        "invalid": invalid,
+        "alpha": "premultiplied" if has_alpha else "none",
+        "transfer": "linear",
+        "overscan": overscan,
+        "supersample": supersample,
+    }
+    method_words: dict[str, Any] = {
+        "method": method,
+        "threads": threads,
         **options.read_method_options(method_options or []),
         **({"aperture": dofsim.Aperture(**opening)} if opening else {}),
-    )
+    }
+    start = time.perf_counter()
+    result = dofsim.render(color, rgbd.depth, lens, **scene_words, **method_words)
     seconds = time.perf_counter() - start
 
     sample_type = options.one_of("--dtype", dtype, io.SAMPLE_TYPES)
@@ -202,6 +206,10 @@ def render_command(
         sample_type = "uint16"
     io.write_image(output, result, alpha="premultiplied" if has_alpha else "none", dtype=sample_type)
     print(f"{output}: {result.shape[1]} x {result.shape[0]}, rendered in {seconds:.2f} s")
+    if profile:
+        passes = dofsim.Scene(color, rgbd.depth, **scene_words).profile(lens, **method_words)
+        for name, milliseconds in [*passes, ("all passes", sum(time for _, time in passes))]:
+            print(f"{name:<20} {milliseconds:10.3f} ms")
 
 
 @app.command("coc", no_args_is_help=True)
@@ -294,6 +302,18 @@ def compare_command(
         _dofsim.write_bytes(output, _panel.draw(tiles))
         print(output)
     print(distance)
+
+
+@app.command("devices")
+def devices_command() -> None:
+    """List the adapters that can be computed on, besides the CPU."""
+    found = dofsim.devices()
+    for device in found:
+        mebibytes = device.max_binding_bytes // 2**20
+        print(f"{device.id}  {device.name}")
+        print(f"       {device.kind}, {device.backend}, {device.driver}; up to {mebibytes} MiB a frame")
+    if not found:
+        print("There is no adapter: no driver for Vulkan, Metal or Direct3D 12 is installed.")
 
 
 @app.command("demo")

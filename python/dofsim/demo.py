@@ -46,7 +46,7 @@ def run_demo(folder: Path, *, device: str = "auto") -> Demo:
     ----------
     folder : Path
         Where ``demo.png`` and ``demo.exr`` are written; made if it is not there.
-    device : {"auto", "cpu", "gpu"}, optional
+    device : str, optional
         Where to compute.
 
     Returns

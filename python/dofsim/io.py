@@ -1,6 +1,7 @@
 """Pictures and depth maps from files and back: OpenEXR, PNG, TIFF, PFM, NPY and NPZ.
 
 Other kinds are read only, among them Sintel's depth and, with ``pip install dofsim[hdf5]``, HDF5.
+Deep OpenEXR files, with ``pip install dofsim[deep]``, are read as layers.
 
 What kind of light a file holds follows from its type, unless the caller says otherwise:
 
@@ -23,7 +24,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from . import _arrays, _channels, _datasets, _dofsim
+from . import _arrays, _channels, _datasets, _deep, _dofsim
 from ._alpha import premultiply
 from ._arrays import StrPath
 from ._exr import channels_of, list_channels, read_exr, read_part, write_exr
@@ -111,9 +112,9 @@ class RGBD:
     Attributes
     ----------
     color : ndarray
-        Shape (H, W) or (H, W, C), in the type of the file.
+        Shape (H, W) or (H, W, C), in the type of the file; of layers, (L, H, W, 4).
     depth : ndarray of float32
-        Shape (H, W).
+        Shape (H, W); of layers, (L, H, W).
     transfer : {"linear", "srgb"}
         How the values of ``color`` stand for light.
     alpha : {"none", "straight", "premultiplied"}
@@ -259,8 +260,7 @@ def read_depth(
     array([[1. , 2.5, inf]], dtype=float32)
     """
     kind = _datasets.file_kind(path)
-    if not math.isfinite(scale) or scale <= 0:
-        raise ValueError(f"scale must be positive and finite, not {scale}")
+    _positive(scale)
     if kind == "exr":
         listed = channels_of(path)
         with _about(path):
@@ -279,15 +279,7 @@ def read_depth(
     layers = kind in ("npy", "npz") and depth.ndim == 3
     if depth.dtype.kind not in "fui" or (depth.ndim != 2 and not layers):
         raise ValueError(f"{path}: found {_describe(depth)}; a depth map has one channel of numbers")
-    # Whatever is in the file is passed on: values beyond float32 as infinite, NaN as NaN.
-    with np.errstate(over="ignore", invalid="ignore"):
-        values = depth.astype(np.float32)
-        distances = values * np.float32(scale)
-    if missing is not None:
-        distances[values == np.float32(missing)] = np.nan
-    if background is not None:
-        distances[values >= np.float32(background)] = np.inf
-    return distances
+    return _measured(depth, scale, missing, background)
 
 
 def read_rgbd(
@@ -301,6 +293,7 @@ def read_rgbd(
     depth_background: float | None = None,
     transfer: Transfer | None = None,
     window: Window = "display",
+    max_layers: int = 4,
 ) -> RGBD:
     """Read a picture and its depth from one file or two.
 
@@ -323,11 +316,14 @@ def read_rgbd(
         What an integer picture holds. The default is ``"srgb"``.
     window : {"display", "data"}, optional
         Which pixels of OpenEXR files.
+    max_layers : int, optional
+        The most layers that the samples of a deep OpenEXR file are merged to, without loss of light; such
+        files need ``pip install dofsim[deep]``.
 
     Returns
     -------
     RGBD
-        Unpacks into ``color, depth``.
+        Unpacks into ``color, depth``; of layers, shapes (L, H, W, 4) and (L, H, W).
 
     Raises
     ------
@@ -348,6 +344,14 @@ def read_rgbd(
     >>> color.shape, depth.shape
     ((4, 6, 3), (4, 6))
     """
+    if depth_path is None and _deep.is_deep(color_path):
+        if layer is not None or depth_channel is not None:
+            raise ValueError(
+                f"{color_path}: layer and depth_channel are not for deep files, which have one picture"
+            )
+        layers, depths = _deep.read_deep(color_path, max_layers, data=window == "data")
+        measured = _measured(depths, _positive(depth_scale), depth_missing, depth_background)
+        return RGBD(layers, measured, "linear", "premultiplied")
     if depth_path is None and (kind := _datasets.file_kind(color_path)) not in ("exr", "npz"):
         raise ValueError(f"{color_path}: a file of kind {kind} holds no depth beside the picture")
     image = read_color(color_path, layer=layer, transfer=transfer, window=window)
@@ -365,6 +369,26 @@ def read_rgbd(
             f"{color_path}: the picture is {_describe(image.pixels)}, its depth {_describe(depth)}"
         )
     return RGBD(image.pixels, depth, image.transfer, image.alpha)
+
+
+def _positive(scale: float) -> float:
+    if not math.isfinite(scale) or scale <= 0:
+        raise ValueError(f"scale must be positive and finite, not {scale}")
+    return scale
+
+
+def _measured(
+    depth: NDArray[Any], scale: float, missing: float | None, background: float | None
+) -> NDArray[np.float32]:
+    """Take the values of a file for depth: infinite beyond float32, NaN where they mean nothing."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        values = depth.astype(np.float32)
+        distances = values * np.float32(scale)
+    if missing is not None:
+        distances[values == np.float32(missing)] = np.nan
+    if background is not None:
+        distances[values >= np.float32(background)] = np.inf
+    return distances
 
 
 @contextmanager

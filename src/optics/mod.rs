@@ -47,6 +47,38 @@ impl Optics {
     }
 }
 
+/// What the distance of a surface from the focus plane is measured by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Measure {
+    /// The shift in pixels.
+    Shift = 0,
+    /// The distance along the optical axis in metres.
+    Distance = 1,
+}
+
+/// A multiple of a surface's distance from the focus plane, as plain numbers: `scale (d - d_focus)` or
+/// `scale (1/d - 1/d_focus)`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Defocus {
+    /// What is multiplied.
+    pub measure: Measure,
+    /// By what; the lens's own strength is in it.
+    pub scale: f64,
+    /// Disparity in focus.
+    pub d_focus: f64,
+}
+
+impl Optics {
+    /// `factor` times the distance from the focus plane.
+    pub fn defocus(&self, measure: Measure, factor: f64) -> Defocus {
+        let scale = match measure {
+            Measure::Shift => self.k * factor,
+            Measure::Distance => factor,
+        };
+        Defocus { measure, scale, d_focus: self.d_focus }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

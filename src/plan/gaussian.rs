@@ -12,7 +12,7 @@
 //! has no colour either.
 
 use crate::error::{Result, value_error};
-use crate::optics::Optics;
+use crate::optics::{Defocus, Measure, Optics};
 
 /// Distances of the taps beside the centre, in texels of the half-size copy: each reads two of them at once.
 const OFFSETS: [f64; 6] = [1.3366, 3.4295, 5.4264, 7.4359, 9.4436, 11.4401];
@@ -129,6 +129,16 @@ impl Plan {
             Blurriness::Range { range_m } => self.optics.beyond_focus_m(d).abs() / range_m,
         };
         blurriness.min(1.0) as f32
+    }
+
+    /// What blurriness is the amount of, up to 1.
+    pub fn defocus(&self) -> Defocus {
+        match self.blurriness {
+            Blurriness::CircleOfConfusion { max_coc_px } => {
+                self.optics.defocus(Measure::Shift, 1.0 / max_coc_px)
+            }
+            Blurriness::Range { range_m } => self.optics.defocus(Measure::Distance, 1.0 / range_m),
+        }
     }
 }
 

@@ -10,11 +10,11 @@
 //! four look-ups open, all but the centre's: they lie on a regular polygon of radius one pixel.
 
 use crate::error::{Result, value_error};
-use crate::optics::Optics;
+use crate::optics::{Defocus, Measure, Optics};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// The largest blur factor.
-const MAX_BLUR: f64 = 0.75;
+pub const MAX_BLUR: f64 = 0.75;
 
 /// How many look-ups, and how they are mixed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -105,9 +105,9 @@ impl Settings {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mix {
     /// By the product of both blur factors.
-    Both,
+    Both = 0,
     /// By the centre's.
-    Centre,
+    Centre = 1,
 }
 
 /// One look-up: the pixels it reads, as offsets from the centre with their weights, which sum to one.
@@ -174,6 +174,14 @@ impl Plan {
             Blur::Hyperfocal(_) => 0.0,
         };
         (factor * factor).min(MAX_BLUR) as f32
+    }
+
+    /// What the blur factor is the square of, up to [`MAX_BLUR`].
+    pub fn defocus(&self) -> Defocus {
+        match self.blur {
+            Blur::CircleOfConfusion => self.optics.defocus(Measure::Shift, 1.0 / self.reach_px),
+            Blur::Hyperfocal(per_m) => self.optics.defocus(Measure::Distance, per_m),
+        }
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod aperture;
 mod arrays;
+mod devices;
 mod errors;
 mod files;
 mod lens;
@@ -18,6 +19,8 @@ pub mod _dofsim {
 
     #[pymodule_export]
     use super::aperture::PyAperture;
+    #[pymodule_export]
+    use super::devices::{PyDevice, devices};
     #[pymodule_export]
     use super::errors::DeviceError;
     #[pymodule_export]

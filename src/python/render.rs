@@ -4,14 +4,16 @@ use super::aperture::PyAperture;
 use super::arrays::{
     ColorFormat, DepthWords, Input, read_depth, read_depth_kind, read_depth_words, read_invalid, write_color,
 };
-use super::errors::{DeviceError, choice};
+use super::devices::read_device;
+use super::errors::DeviceError;
 use super::lens::PyLens;
 use super::methods::read_method;
 use super::run::{detached, installed, simd};
 use crate::depth::{DepthKind, Invalid, Rays, disparity_plane};
-use crate::optics::{self, Base, Lens};
+use crate::device::Device;
+use crate::optics::{self, Base, Imaging, Lens};
 use crate::picture::Size;
-use crate::render::{Method, Scene};
+use crate::render::{Method, Rendered, Scene};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -75,23 +77,6 @@ impl Frame {
     }
 }
 
-/// Where to compute.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Device {
-    Cpu,
-    Gpu,
-}
-
-fn check_device(name: &str) -> PyResult<()> {
-    let names = [("auto", Device::Cpu), ("cpu", Device::Cpu), ("gpu", Device::Gpu)];
-    match choice("device", name, &names)? {
-        Device::Cpu => Ok(()),
-        Device::Gpu => Err(DeviceError::new_err(
-            "device=\"gpu\": this build of dofsim has no GPU path yet; use device=\"cpu\" or \"auto\"",
-        )),
-    }
-}
-
 /// The picture that a real lens would have taken.
 ///
 /// Parameters
@@ -106,16 +91,18 @@ fn check_device(name: &str) -> PyResult<()> {
 ///     The lens.
 /// method : {"lens", "poisson", "gaussian", "hexagonal", "levels", "taps", "sprites"}, optional
 ///     How to compute; see the notes. All but ``"lens"`` take one layer and are for speed or for their own looks.
-/// device : {"auto", "cpu", "gpu"}, optional
-///     Where to compute.
+/// device : str, optional
+///     Where to compute: ``"cpu"``, ``"gpu"``, one of `devices` by its ``id`` or its name, or ``"auto"`` (default): a
+///     GPU if there is one, for the methods and lenses that have a GPU path, else the CPU. A software rasteriser is
+///     used only if it is named. The environment variable ``DOFSIM_DEVICE`` says what ``"auto"`` and ``"gpu"`` stand for.
 /// aperture : Aperture, optional
 ///     Shape of the opening; a disc if not given. Methods that cannot draw another shape refuse it.
 /// depth_kind : str, optional
 ///     ``"z"`` (planar, metres, default), ``"distance"`` (from the pinhole along the ray, metres),
 ///     ``"inverse_z"`` (1/m), ``"disparity"`` (relative; needs `Lens.from_disparity`), ``"relative"`` (the same of any
 ///     scale, brought to 0 (far) to 1 (near) robustly first: those are its 1st and 99th percentile),
-///     ``"zbuffer"`` (0 to 1 between `near` and `far`) or ``"distance_from_near"`` (Mitsuba's depth AOV: along the ray from the near
-///     plane, 0 where nothing is hit).
+///     ``"zbuffer"`` (0 to 1 between `near` and `far`) or ``"distance_from_near"`` (Mitsuba's depth AOV: along the
+///     ray from the near plane, 0 where nothing is hit).
 /// near, far : float, optional
 ///     Clip planes in metres, for the kinds that need them.
 /// invalid : {"raise", "far"}, optional
@@ -258,7 +245,7 @@ pub fn render<'py>(
         overscan,
         supersample,
     )?;
-    scene.rendered(py, &lens.core, &method, threads)
+    scene.picture(py, &lens.core, &method, threads)
 }
 
 /// Signed radius of the circle of confusion in pixels.
@@ -345,6 +332,7 @@ pub fn coc<'py>(
 pub struct PyScene {
     input: Input,
     frame: Frame,
+    device: Device,
     kind: DepthKind,
     depth_words: (String, Option<f64>, Option<f64>),
     invalid: Invalid,
@@ -376,22 +364,44 @@ impl PyScene {
         &self.input.format
     }
 
-    fn rendered<'py>(
+    /// The scene through lenses that differ in their focus alone.
+    fn rendered(
+        &self,
+        py: Python<'_>,
+        lenses: &[Lens],
+        method: &Method,
+        threads: Option<usize>,
+    ) -> PyResult<Vec<Rendered>> {
+        let Some(first) = lenses.first() else { return Ok(Vec::new()) };
+        method.check(first, self.input.layers(), self.format().lights(self.input.size))?;
+        let geometry = self.frame.geometry(self.input.size);
+        let imagings: Vec<Imaging> =
+            lenses.iter().map(|lens| geometry.imaging(lens)).collect::<crate::error::Result<_>>()?;
+        self.device.place(method, &imagings)?;
+        let scene = self.scene(first)?;
+        let simd = simd()?;
+        let (frame, size, device) = (self.frame, self.input.size, self.device);
+        detached(py, threads, move |cancel| {
+            let rendered = scene.render_each(&imagings, method, device, simd, cancel)?.into_iter();
+            Ok(rendered.map(|one| Rendered { pixels: frame.crop(one.pixels, size), ..one }).collect())
+        })
+    }
+
+    /// A rendered picture in the format of the input.
+    fn written<'py>(&self, py: Python<'py>, rendered: Rendered) -> PyResult<Bound<'py, PyAny>> {
+        write_color(py, rendered.pixels, self.frame.output(self.input.size), self.format())
+    }
+
+    /// The scene through one lens, in the format of the input.
+    fn picture<'py>(
         &self,
         py: Python<'py>,
         lens: &Lens,
         method: &Method,
         threads: Option<usize>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        method.check(lens, self.input.layers(), self.format().lights(self.input.size))?;
-        let imaging = self.frame.geometry(self.input.size).imaging(lens)?;
-        let scene = self.scene(lens)?;
-        let simd = simd()?;
-        let (frame, size) = (self.frame, self.input.size);
-        let pixels = detached(py, threads, move |cancel| {
-            Ok(frame.crop(scene.render(&imaging, method, simd, cancel)?, size))
-        })?;
-        write_color(py, pixels, frame.output(size), self.format())
+        let mut rendered = self.rendered(py, std::slice::from_ref(lens), method, threads)?;
+        self.written(py, rendered.remove(0))
     }
 }
 
@@ -414,13 +424,13 @@ impl PyScene {
         overscan: usize,
         supersample: usize,
     ) -> PyResult<PyScene> {
-        check_device(device)?;
+        let device = read_device(color.py(), device)?;
         let kind = read_depth_words(&DepthWords { depth_kind, near, far })?;
         let invalid = read_invalid(invalid)?;
         let input = Input::read(color, depth, alpha, transfer)?;
         let frame = Frame::new(input.size, overscan, supersample)?;
         let depth_words = (depth_kind.to_owned(), near, far);
-        Ok(PyScene { input, frame, kind, depth_words, invalid, scene: Mutex::new(None) })
+        Ok(PyScene { input, frame, device, kind, depth_words, invalid, scene: Mutex::new(None) })
     }
 
     /// The scene through a lens.
@@ -452,7 +462,7 @@ impl PyScene {
         options: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let method = read_method(method, aperture, options)?;
-        self.rendered(py, &lens.core, &method, threads)
+        self.picture(py, &lens.core, &method, threads)
     }
 
     /// The scene through one lens focused at many distances.
@@ -505,11 +515,56 @@ impl PyScene {
             Base::Relative { .. } => lens.core.focused_at_disparity(distance),
         });
         let lenses = focused.collect::<crate::error::Result<Vec<_>>>()?;
-        let slices = lenses
-            .into_iter()
-            .map(|lens| self.rendered(py, &lens, &method, threads))
-            .collect::<PyResult<Vec<_>>>()?;
+        let rendered = self.rendered(py, &lenses, &method, threads)?;
+        let slices = rendered.into_iter().map(|one| self.written(py, one)).collect::<PyResult<Vec<_>>>()?;
         py.import("numpy")?.call_method1("stack", (slices,))
+    }
+
+    /// What a render takes on the GPU, pass by pass.
+    ///
+    /// Parameters
+    /// ----------
+    /// lens, method, aperture, threads, **options
+    ///     As in the function `render`.
+    ///
+    /// Returns
+    /// -------
+    /// list of tuple of str and float
+    ///     Each pass, by the name of its shader, and its time on the device in milliseconds; in the order of their
+    ///     beginning, passes of one name together.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError, TypeError
+    ///     If an argument cannot be used.
+    /// DeviceError
+    ///     If the render is done on the CPU, or the GPU keeps no time.
+    #[pyo3(signature = (lens, *, method="lens", aperture=None, threads=None, **options))]
+    fn profile(
+        &self,
+        py: Python<'_>,
+        lens: &PyLens,
+        method: &str,
+        aperture: Option<&PyAperture>,
+        threads: Option<usize>,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Vec<(&'static str, f64)>> {
+        let method = read_method(method, aperture, options)?;
+        let rendered = self.rendered(py, std::slice::from_ref(&lens.core), &method, threads)?;
+        let mut times: Vec<(&'static str, f64)> = Vec::new();
+        for pass in rendered.iter().flat_map(|one| &one.passes) {
+            let ms = 1e3 * pass.seconds;
+            match times.iter_mut().find(|(name, _)| *name == pass.name) {
+                Some((_, total)) => *total += ms,
+                None => times.push((pass.name, ms)),
+            }
+        }
+        if times.is_empty() {
+            return Err(DeviceError::new_err(
+                "profile: there are no times to show, because the render is done on the CPU or the GPU keeps none",
+            ));
+        }
+        Ok(times)
     }
 
     fn __repr__(&self) -> String {

@@ -6,7 +6,18 @@ import multiprocessing
 import os
 import signal
 import threading
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+# How often a frame is tried again on another machine; its own faults are results and not tried again.
+_RETRIES = 3
+_GPU = "GPU"
+# How long a scheduler is waited for.
+_TIMEOUT_S = 10
 
 
 def process_pool(workers: int) -> ProcessPoolExecutor:
@@ -26,6 +37,83 @@ def process_pool(workers: int) -> ProcessPoolExecutor:
     """
     context = multiprocessing.get_context("spawn")
     return ProcessPoolExecutor(workers, mp_context=context, initializer=_start)
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """Workers of Dask.
+
+    Attributes
+    ----------
+    executor : concurrent.futures.Executor
+        Where to submit work.
+    slots : int
+        How many calls are run at a time.
+    threads_each : int, optional
+        Threads that one call should use, if not all processors of its machine.
+    """
+
+    executor: Executor
+    slots: int
+    threads_each: int | None
+
+
+@contextmanager
+def dask_cluster(address: str, workers: int) -> Iterator[Cluster]:
+    """Connect to a Dask scheduler, or start a cluster on this machine alone.
+
+    Parameters
+    ----------
+    address : str
+        Address of the scheduler, or ``"local"`` for processes of this machine, on the loopback interface.
+    workers : int
+        Number of processes of a local cluster.
+
+    Yields
+    ------
+    Cluster
+        Its workers. Where some of them have a resource called GPU, each call takes one.
+
+    Raises
+    ------
+    ImportError
+        If ``distributed`` is not installed.
+    OSError
+        If there is no scheduler, if it has no worker, or if workers died too often.
+    """
+    try:
+        distributed: Any = import_module("distributed")
+    except ImportError as error:
+        raise ImportError("--dask needs distributed: pip install dofsim[dask]") from error
+    with ExitStack() as stack:
+        if address == "local":
+            local = distributed.LocalCluster(
+                n_workers=workers, threads_per_worker=1, host="127.0.0.1", dashboard_address=None
+            )
+            client = stack.enter_context(distributed.Client(stack.enter_context(local), set_as_default=False))
+        else:
+            client = stack.enter_context(
+                distributed.Client(address, set_as_default=False, timeout=_TIMEOUT_S)
+            )
+        known = list(client.scheduler_info(n_workers=-1)["workers"].values())
+        if not known:
+            raise OSError(f"{address}: the scheduler has no worker")
+        gpus = sum(int(worker["resources"].get(_GPU, 0)) for worker in known)
+        resources = {"resources": {_GPU: 1}} if gpus else {}
+        threads = [worker["nthreads"] for worker in known]
+        if address == "local":
+            threads_each: int | None = max(1, (os.cpu_count() or 1) // workers)
+        else:
+            # A worker with several threads has one for each processor, and runs as many calls.
+            threads_each = None if max(threads) == 1 else 1
+        try:
+            executor = client.get_executor(pure=False, retries=_RETRIES, **resources)
+            yield Cluster(executor, gpus or sum(threads), threads_each)
+        except distributed.KilledWorker as error:
+            raise OSError(
+                "workers died too often over the same frame, as happens when memory runs out; "
+                "run again to go on"
+            ) from error
 
 
 def _start() -> None:

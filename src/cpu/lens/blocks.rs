@@ -1,6 +1,6 @@
 //! What the cells of each block of pixels are, for planning.
 
-use super::cells::Depths;
+use super::cells::{Codes, Depths};
 use super::pack::{Padding, TILE};
 use super::surfaces::EDGE;
 use crate::cpu::simd::Simd;
@@ -66,7 +66,8 @@ fn summarize(lo: &[u16], hi: &[u16], summary: &mut Summary) {
 
 impl Blocks {
     /// The blocks of the unpadded frame. `links` are those of the first sheet, if it has any.
-    pub fn new(size: Size, depths: &[Depths], links: &[u8], simd: Simd) -> Blocks {
+    pub fn new(size: Size, depths: &[Depths], codes: &Codes, links: &[u8], simd: Simd) -> Blocks {
+        let codes_per_px = (1.0 / codes.step()) as u16;
         let (across, down) = (size.width.div_ceil(BLOCK), size.height.div_ceil(BLOCK));
         let block = |b: usize| {
             let (x0, y0) = (b % across * BLOCK, b / across * BLOCK);
@@ -98,8 +99,9 @@ impl Blocks {
                         occupied[k][usize::from(bin >> 6)] |= 1 << (bin & 63);
                     }
                 };
-                // Two neighbouring bins are both in use when the extremes lie in them.
-                if (hi >> 8) - (lo >> 8) <= 1 {
+                // Two neighbouring bins are both in use when the extremes lie in them; and where all bins span less
+                // than a pixel, knowing them one by one would not save a single look.
+                if (hi >> 8) - (lo >> 8) <= 1 || hi - lo < codes_per_px {
                     set(lo, hi);
                 } else {
                     for i in rows().flat_map(|at| at..at + n).filter(|&i| depths.hi[i] > 0) {

@@ -16,7 +16,7 @@ pub const CHUNK: usize = 64;
 /// Shifts as codes: `s = s_min + (code - 1) * step`. Code 0 is never a depth.
 #[derive(Debug, Clone, Copy)]
 pub struct Codes {
-    s_min: f64,
+    pub s_min: f64,
     step: f64,
     /// Codes are made in single precision, which is enough: 24 bits for 16.
     least: f32,

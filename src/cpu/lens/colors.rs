@@ -78,10 +78,11 @@ impl Colors {
         }
     }
 
-    /// Copies a stretch of row `y`, one piece of `out` a channel.
-    pub fn copy_row(&self, y: usize, columns: Range<usize>, out: &mut [f32]) {
+    /// Copies a stretch of row `y`, that of each channel `pitch` values after the one before.
+    pub fn copy_row(&self, y: usize, columns: Range<usize>, pitch: usize, out: &mut [f32]) {
         let (start, n) = (y * self.size.width + columns.start, columns.len());
-        for (c, out) in out.chunks_exact_mut(n).enumerate() {
+        for c in 0..self.size.channels {
+            let out = &mut out[c * pitch..][..n];
             match &self.planes {
                 Some(planes) => out.copy_from_slice(&planes[c * self.size.pixels() + start..][..n]),
                 None => out.fill(0.0),
@@ -89,7 +90,7 @@ impl Colors {
         }
         for cell in self.own(start..start + n) {
             for c in 0..self.size.channels {
-                out[c * n + cell.index - start] = cell.color[c];
+                out[c * pitch + cell.index - start] = cell.color[c];
             }
         }
     }
@@ -124,7 +125,7 @@ mod tests {
         assert_eq!(colors.at(0), [0.0, 6.0, 0.0, 0.0]);
         assert_eq!(colors.at(4), [60.0, -60.0, 0.0, 0.0]);
         let mut row = [0.0; 4];
-        colors.copy_row(1, 1..3, &mut row);
+        colors.copy_row(1, 1..3, 2, &mut row);
         assert_eq!(row, [60.0, 5.0, -60.0, 11.0]);
         assert_eq!(colors.to_planes()[..6], [0.0, 20.0, 2.0, 3.0, 60.0, 5.0]);
     }

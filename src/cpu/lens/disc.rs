@@ -12,7 +12,7 @@ use std::ops::{Add, Mul, RangeInclusive, Sub};
 
 /// On a tilted surface a pixel's disc is interpolated between two, this many radius steps apart: a quarter of a
 /// pixel, or a sixteenth for small ones. Only rims differ, by less than the rounding to a single step would cost.
-const APART: i32 = 4;
+pub const APART: i32 = 4;
 
 /// Pixels convolved together.
 const LANES: usize = 16;
@@ -79,7 +79,7 @@ impl<T: Real> Surroundings<T> {
         let n = last + 1 - first;
         self.row.resize(n * size.channels, 0.0);
         for (j, &y) in rows.iter().enumerate() {
-            colors.copy_row(y, first..last + 1, &mut self.row);
+            colors.copy_row(y, first..last + 1, n, &mut self.row);
             for (c, row) in self.row.chunks_exact(n).enumerate() {
                 let color = &mut self.color[(c * down + j) * across..][..across];
                 color.iter_mut().zip(&columns).for_each(|(v, &x)| *v = row[x - first].into());
@@ -142,9 +142,8 @@ impl Gather<'_> {
     pub fn tile<T: Real>(&self, origin: (usize, usize), around: &mut Surroundings<T>, out: &mut TileColor) {
         let extent = extent(self.size, origin);
         let row = |y: usize| &self.s[(origin.1 + y) * self.size.width + origin.0..][..extent.0];
-        let first = row(0)[0];
-        if (0..extent.1).all(|y| row(y).iter().all(|&s| s == first)) {
-            let kernel = self.aperture.kernel(f64::from(first) - self.s_focus);
+        if let Some(s) = only_shift(self.s, self.size, origin) {
+            let kernel = self.aperture.kernel(f64::from(s) - self.s_focus);
             around.fill(self.size, self.colors, origin, kernel.reach as usize);
             self.simd.run(
                 #[inline(always)]
@@ -223,6 +222,14 @@ fn add_shares<T: Real>(
 /// Columns and rows of the frame in the tile at `origin`.
 fn extent(size: Size, origin: (usize, usize)) -> (usize, usize) {
     (TILE.0.min(size.width - origin.0), TILE.1.min(size.height - origin.1))
+}
+
+/// The shift of all pixels of the tile at `origin`, if it is the same for all.
+pub fn only_shift(s: &[f32], size: Size, origin: (usize, usize)) -> Option<f32> {
+    let extent = extent(size, origin);
+    let row = |y: usize| &s[(origin.1 + y) * size.width + origin.0..][..extent.0];
+    let first = row(0)[0];
+    (0..extent.1).all(|y| row(y).iter().all(|&s| s == first)).then_some(first)
 }
 
 /// Where a shift lies between the discs that are interpolated.

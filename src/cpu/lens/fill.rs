@@ -39,11 +39,23 @@ struct Hit {
 struct Step {
     dx: i32,
     dy: i32,
+    /// From one index to the other.
+    offset: isize,
     distance: f32,
 }
 
+/// Where looks start.
+#[derive(Clone, Copy)]
+struct From {
+    x: usize,
+    y: usize,
+    index: usize,
+    /// Whether no look can leave the frame.
+    inside: bool,
+}
+
 /// The pixels met in each direction, up to a distance.
-fn rays(reach: usize) -> Vec<Vec<Step>> {
+fn rays(reach: usize, width: usize) -> Vec<Vec<Step>> {
     (0..DIRECTIONS)
         .map(|i| {
             let angle = std::f64::consts::TAU * i as f64 / DIRECTIONS as f64;
@@ -55,7 +67,8 @@ fn rays(reach: usize) -> Vec<Vec<Step>> {
                 .map(|k| {
                     let along = k as f64 / longest;
                     let (dx, dy) = ((along * x).round(), (along * y).round());
-                    Step { dx: dx as i32, dy: dy as i32, distance: dx.hypot(dy) as f32 }
+                    let offset = dy as isize * width as isize + dx as isize;
+                    Step { dx: dx as i32, dy: dy as i32, offset, distance: dx.hypot(dy) as f32 }
                 })
                 .collect()
         })
@@ -129,13 +142,23 @@ impl Surroundings<'_> {
         self.mixed.binary_search_by_key(&index, |m| m.index).ok().map(|i| &self.mixed[i])
     }
 
-    /// Follows one direction from pixel `(x, y)`, at shift `s_start`, until it leaves the foreground; no farther
-    /// than a surface at `s_farthest` could be uncovered.
-    fn look(&self, (x, y): (usize, usize), s_start: f32, s_farthest: f32, ray: &[Step]) -> Option<Hit> {
+    /// The pixel that a step leads to, if it is in the frame.
+    #[inline(always)]
+    fn at(&self, from: From, step: &Step) -> Option<usize> {
+        if from.inside {
+            Some(from.index.wrapping_add_signed(step.offset))
+        } else {
+            self.frame.offset(from.x, from.y, step.dx, step.dy)
+        }
+    }
+
+    /// Follows one direction at shift `s_start` until it leaves the foreground; no farther than a surface at
+    /// `s_farthest` could be uncovered.
+    fn look(&self, from: From, s_start: f32, s_farthest: f32, ray: &[Step]) -> Option<Hit> {
         let Frame { s, links, .. } = *self.frame;
-        let at = |step: &Step| self.frame.offset(x, y, step.dx, step.dy);
+        let at = |step: &Step| self.at(from, step);
         // Each step moves one pixel, so no edge is met sooner than after the distance to the nearest.
-        let mut k = usize::from(self.edge_distance[y * self.frame.size.width + x]).saturating_sub(1);
+        let mut k = usize::from(self.edge_distance[from.index]).saturating_sub(1);
         loop {
             let step = ray.get(k)?;
             if step.distance > s_start - s_farthest + MARGIN_PX {
@@ -146,7 +169,7 @@ impl Surroundings<'_> {
                 k += usize::from(self.edge_distance[here]).max(1);
                 continue;
             }
-            let previous = k.checked_sub(1).map_or(Some(y * self.frame.size.width + x), |k| at(&ray[k]))?;
+            let previous = k.checked_sub(1).map_or(Some(from.index), |k| at(&ray[k]))?;
             let drop = s[previous] - s[here];
             if drop.abs() >= CONNECTED_PX && links[previous] & EDGE != 0 {
                 if drop < 0.0 {
@@ -157,7 +180,7 @@ impl Surroundings<'_> {
                     let hit = || Hit {
                         distance: step.distance,
                         s: s[here],
-                        color: self.pure_beyond((x, y), here, &ray[k..]),
+                        color: self.pure_beyond(from, here, &ray[k..]),
                     };
                     return uncovered.then(hit);
                 }
@@ -167,9 +190,9 @@ impl Surroundings<'_> {
     }
 
     /// The colour of the first pixel beyond a silhouette that mixes with nothing, or else the unmixed one there.
-    fn pure_beyond(&self, (x, y): (usize, usize), hit: usize, ray: &[Step]) -> [f32; 4] {
+    fn pure_beyond(&self, from: From, hit: usize, ray: &[Step]) -> [f32; 4] {
         let Frame { s, links, .. } = *self.frame;
-        let beyond = ray.iter().take(BEYOND_EDGE).map_while(|step| self.frame.offset(x, y, step.dx, step.dy));
+        let beyond = ray.iter().take(BEYOND_EDGE).map_while(|step| self.at(from, step));
         let pure =
             beyond.take_while(|&q| (s[q] - s[hit]).abs() < SAME_SURFACE_PX).find(|&q| links[q] & EDGE == 0);
         match pure {
@@ -219,7 +242,8 @@ pub fn hidden(frame: &Frame, mixed: &[Mixed], cancel: &Cancel) -> Result<Vec<Hid
     let s_min = blocks.min_s.iter().copied().fold(f32::INFINITY, f32::min);
     let s_max = blocks.max_s.iter().copied().fold(f32::NEG_INFINITY, f32::max);
     let reach = (s_max - s_min + MARGIN_PX).ceil() as usize;
-    let rays = rays(reach.min(width.max(height)));
+    let reach = reach.min(width.max(height));
+    let rays = rays(reach, width);
 
     let edge_distance = surfaces::distance_to_edges(frame.links, width);
     let around = Surroundings { frame, mixed, edge_distance: &edge_distance };
@@ -239,8 +263,11 @@ pub fn hidden(frame: &Frame, mixed: &[Mixed], cancel: &Cancel) -> Result<Vec<Hid
         }
         let mut hits = [Hit { distance: 0.0, s: 0.0, color: [0.0; 4] }; DIRECTIONS];
         let mut found = 0;
+        let (x, y) = (index % width, index / width);
+        let from_border = x.min(width - 1 - x).min(y).min(height - 1 - y);
+        let from = From { x, y, index, inside: from_border > reach };
         for ray in &rays {
-            if let Some(hit) = around.look((index % width, index / width), s_front, s_farthest, ray) {
+            if let Some(hit) = around.look(from, s_front, s_farthest, ray) {
                 hits[found] = hit;
                 found += 1;
             }

@@ -7,21 +7,24 @@
 use super::colors::Colors;
 use super::sheets::Sheet;
 use super::surfaces::CONNECTED_PX;
+use crate::cpu::rows::bands;
 use crate::cpu::simd::Simd;
+use crate::memory;
 use crate::picture::Size;
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Standard deviation of a cell's footprint as a fraction of the distance between the places it is drawn at.
 const FOOTPRINT: f32 = 0.35;
 /// The footprint table's entries per pixel of shift.
-const STEPS_PER_PX: f32 = 8.0;
+pub const STEPS_PER_PX: f32 = 8.0;
 /// The largest weight of a neighbour in one pass; four of them leave a fifth to the cell itself.
-const MAX_WEIGHT: f32 = 0.2;
+pub const MAX_WEIGHT: f32 = 0.2;
 /// The variance that weighing the four direct neighbours can add.
-const NEXT_CELLS: f32 = 2.0 * MAX_WEIGHT;
+pub const NEXT_CELLS: f32 = 2.0 * MAX_WEIGHT;
 /// Neighbour distances of the widening passes beyond that.
-const REACHES: [usize; 4] = [2, 4, 8, 16];
+pub const REACHES: [usize; 4] = [2, 4, 8, 16];
 
 /// Variance per axis that drawing a cell at fractions of a pixel adds under shift `t`.
 ///
@@ -62,16 +65,38 @@ impl Footprint {
         Footprint { table }
     }
 
-    fn variance(&self, t: f32) -> f32 {
-        let at = t.abs() * STEPS_PER_PX;
-        let i = (at as usize).min(self.table.len() - 2);
-        self.table[i] + (at - i as f32).min(1.0) * (self.table[i + 1] - self.table[i])
+    /// The variances, [`STEPS_PER_PX`] to a pixel of shift from none on.
+    pub fn table(&self) -> &[f32] {
+        &self.table
     }
 
-    /// How much of the Laplacian to subtract from a cell under shift `t`: positive where blur is to be undone,
-    /// negative where the cell is to be widened by as much as its direct neighbours allow.
-    pub fn sharpening(&self, t: f32) -> f32 {
-        -0.5 * self.variance(t).min(NEXT_CELLS)
+    #[inline(always)]
+    fn variance(&self, t: f32) -> f32 {
+        let last = self.table.len() - 2;
+        let at = t.abs() * STEPS_PER_PX;
+        let within = if at < last as f32 { at } else { last as f32 };
+        // SAFETY: the place is a number from 0 to `last`, and so fits; two entries from there on are in the table.
+        let (i, [a, b]) = unsafe {
+            let i: i32 = within.to_int_unchecked();
+            (i, [0, 1].map(|next| *self.table.get_unchecked(i as usize + next)))
+        };
+        let beyond = at - i as f32;
+        a + if beyond < 1.0 { beyond } else { 1.0 } * (b - a)
+    }
+
+    /// How much of the Laplacian to subtract from cells of shift `s` relative to infinity: positive where blur is to be
+    /// undone, negative where the cell is to be widened by as much as its direct neighbours allow; 0 where there is
+    /// no cell.
+    #[inline(always)]
+    pub fn sharpening(&self, s: &[f32], s_focus: f64, kappa: &mut [f32]) {
+        for (kappa, &s) in kappa.iter_mut().zip(s) {
+            let variance = self.variance((f64::from(s) - s_focus) as f32);
+            *kappa = if s.is_nan() {
+                0.0
+            } else {
+                -0.5 * if variance < NEXT_CELLS { variance } else { NEXT_CELLS }
+            };
+        }
     }
 
     /// The colours of a sheet, widened where lens points are sparser than [`Footprint::sharpening`] can make up
@@ -97,25 +122,27 @@ impl Footprint {
         let most = wanted.par_iter().copied().reduce(|| 0.0, f32::max);
 
         let mut done = 0.0f32;
-        let mut color = colors.to_planes();
+        let (mut color, mut source) = (memory::zeros(n * size.channels), colors.to_planes());
         for reach in REACHES {
             if most <= done {
                 break;
             }
             // Weights w of neighbours at distance h add the variance 2 w h^2.
             let per_weight = 2.0 * (reach * reach) as f32;
-            let source = color.clone();
             let pass = Pass { s: &sheet.s, wanted: &wanted, done, per_weight, reach, size };
-            color.par_chunks_mut(size.width).enumerate().for_each(|(row, out)| {
-                let (c, y) = (row / size.height, row % size.height);
-                simd.run(
-                    #[inline(always)]
-                    || pass.row(&source[c * n..][..n], y, out),
-                );
-            });
+            bands(color.chunks_mut(n), size.width).into_par_iter().enumerate().for_each_init(
+                || vec![0.0; size.width],
+                |weights, (y, mut out)| {
+                    simd.run(
+                        #[inline(always)]
+                        || pass.row(&source, y, weights, &mut out),
+                    );
+                },
+            );
+            std::mem::swap(&mut color, &mut source);
             done += MAX_WEIGHT * per_weight;
         }
-        Some(Colors::new(size, Arc::new(color)))
+        Some(Colors::new(size, Arc::new(source)))
     }
 }
 
@@ -130,31 +157,56 @@ struct Pass<'a> {
 }
 
 impl Pass<'_> {
-    /// One row of one channel.
+    /// One row of all channels.
     #[inline(always)]
-    fn row(&self, source: &[f32], y: usize, out: &mut [f32]) {
+    fn row(&self, source: &[f32], y: usize, weights: &mut [f32], out: &mut [&mut [f32]]) {
         let (w, h, d) = (self.size.width, self.size.height, self.reach);
         let start = y * w;
-        out.copy_from_slice(&source[start..start + w]);
-        if d < w {
-            self.add_flows(source, start, start + d, &mut out[..w - d]);
-            self.add_flows(source, start + d, start, &mut out[d..]);
+        for (out, source) in out.iter_mut().zip(source.chunks(self.size.pixels())) {
+            out.copy_from_slice(&source[start..start + w]);
         }
+        let (own, from_right) = (start..start + w - d.min(w), start + d.min(w));
+        self.add_flows(source, from_right, own.clone(), weights, start, out);
+        self.add_flows(source, own.start, from_right..start + w, weights, start, out);
         if y >= d {
-            self.add_flows(source, start, start - d * w, out);
+            self.add_flows(source, start - d * w, start..start + w, weights, start, out);
         }
         if y + d < h {
-            self.add_flows(source, start, start + d * w, out);
+            self.add_flows(source, start + d * w, start..start + w, weights, start, out);
         }
     }
 
-    /// Adds what flows from the cells at `from` and after to those at `to` and after. What two cells exchange is the
-    /// mean of what both want, so that no energy is lost; nothing crosses from surface to surface.
+    /// Adds what flows from the cells at `from` and after to those at `to`, in a row that starts at `start`.
     #[inline(always)]
-    fn add_flows(&self, source: &[f32], to: usize, from: usize, out: &mut [f32]) {
-        let n = out.len();
-        let [color, s, wanted] =
-            [source, self.s, self.wanted].map(|plane| (&plane[to..][..n], &plane[from..][..n]));
+    fn add_flows(
+        &self,
+        source: &[f32],
+        from: usize,
+        to: Range<usize>,
+        weights: &mut [f32],
+        start: usize,
+        out: &mut [&mut [f32]],
+    ) {
+        let n = to.len();
+        let weights = &mut weights[..n];
+        if !self.weigh(from, to.start, weights) {
+            return;
+        }
+        for (out, source) in out.iter_mut().zip(source.chunks(self.size.pixels())) {
+            let (theirs, own) = (&source[from..][..n], &source[to.start..][..n]);
+            for (i, out) in out[to.start - start..][..n].iter_mut().enumerate() {
+                *out += weights[i] * (theirs[i] - own[i]);
+            }
+        }
+    }
+
+    /// The weights with which the cells at `from` and after flow to those at `to` and after, and whether there are any
+    /// but 0. What two cells exchange is the mean of what both want, so that no energy is lost; nothing crosses from
+    /// surface to surface.
+    #[inline(always)]
+    fn weigh(&self, from: usize, to: usize, weights: &mut [f32]) -> bool {
+        let n = weights.len();
+        let [s, wanted] = [self.s, self.wanted].map(|plane| (&plane[to..][..n], &plane[from..][..n]));
         let per_weight = 1.0 / self.per_weight;
         let own = |wanted: f32| {
             let weight = (wanted - self.done) * per_weight;
@@ -164,8 +216,8 @@ impl Pass<'_> {
         let apart = CONNECTED_PX * self.reach as f32;
         for i in 0..n {
             let weight = 0.5 * (own(wanted.0[i]) + own(wanted.1[i]));
-            let weight = if (s.0[i] - s.1[i]).abs() < apart { weight } else { 0.0 };
-            out[i] += weight * (color.1[i] - color.0[i]);
+            weights[i] = if (s.0[i] - s.1[i]).abs() < apart { weight } else { 0.0 };
         }
+        weights.iter().fold(false, |any, w| any | (*w > 0.0))
     }
 }

@@ -7,7 +7,7 @@ use super::barrel::Clip;
 use super::blocks::BLOCK;
 use super::colors::{Colors, Own};
 use super::kernels::{self, Kernels};
-use super::pack::{self, Packed, TILE};
+use super::pack::{self, Packed, Padding, TILE};
 use super::sheets::Sheets;
 use super::sweep::TileColor;
 use super::tiles::{IN_FOCUS_PX, Tile};
@@ -32,11 +32,12 @@ pub struct Scene<'a> {
 /// The light of one cell above its surroundings, and its disc.
 pub struct Highlight {
     /// Place in the padded frame.
-    x: i32,
-    y: i32,
+    pub x: i32,
+    pub y: i32,
     /// Shift in pixels.
-    t: f64,
-    excess: [f32; 4],
+    pub t: f64,
+    /// The light above its surroundings.
+    pub excess: [f32; 4],
     /// Whether anything nearer may be in the way of some part of the disc.
     hidden_in_part: bool,
 }
@@ -91,7 +92,7 @@ impl Surroundings {
             let mut blocks = vec![(Light::default(), f32::NEG_INFINITY); across];
             scratch.resize(size.width * size.channels, 0.0);
             for y in by * BLOCK..(by * BLOCK + BLOCK).min(size.height) {
-                colors.copy_row(y, 0..size.width, scratch);
+                colors.copy_row(y, 0..size.width, size.width, scratch);
                 simd.run(
                     #[inline(always)]
                     || add_row(scratch, size.width, lights, &mut blocks),
@@ -168,19 +169,20 @@ fn add_row(row: &[f32], width: usize, lights: usize, blocks: &mut [(Light, f32)]
     }
 }
 
-/// Takes all highlights out of the sheets' colours.
+/// The highlights of a scene, and for each sheet the colours of their cells without them. Each highlight is taken for
+/// one that may be hidden in part.
 pub fn extract(
     sheets: &Sheets,
-    colors: &mut [Colors],
-    packed: &Packed,
+    padding: &Padding,
     s_focus: f64,
     simd: Simd,
-) -> Vec<Highlight> {
+) -> (Vec<Highlight>, Vec<Vec<Own>>) {
     let size = sheets.size;
     let lights = light_channels(size);
     let front = Surroundings::new(size, &sheets.sheets[0].colors, simd);
     let mut highlights = Vec::new();
-    for (i, (sheet, colors)) in sheets.sheets.iter().zip(colors).enumerate() {
+    let mut all_dimmed = Vec::new();
+    for (i, sheet) in sheets.sheets.iter().enumerate() {
         let stands_out = |&index: &usize| {
             let bright = brightness(&sheet.colors.at(index), lights);
             // An empty cell has a shift of NaN, which compares false.
@@ -212,25 +214,27 @@ pub fn extract(
             };
             let t = f64::from(sheet.s[index]) - s_focus;
             let excess = excess.map(|e| area * e);
-            highlights.extend(images(packed, index, t).map(|(x, y)| Highlight {
+            highlights.extend(images(padding, index, t).map(|(x, y)| Highlight {
                 x,
                 y,
                 t,
                 excess,
-                hidden_in_part: false,
+                hidden_in_part: true,
             }));
         }
-        if !dimmed.is_empty() {
-            *colors = colors.with(dimmed);
-        }
+        all_dimmed.push(dimmed);
     }
+    (highlights, all_dimmed)
+}
+
+/// Finds out which highlights anything may be in the way of.
+pub fn find_hidden(highlights: &mut [Highlight], packed: &Packed, s_focus: f64) {
     highlights.par_iter_mut().for_each(|h| h.hidden_in_part = h.may_be_hidden(packed, s_focus));
-    highlights
 }
 
 /// A pixel and those of its mirror images whose discs reach into the frame, in padded coordinates.
-fn images(packed: &Packed, index: usize, t: f64) -> impl Iterator<Item = (i32, i32)> {
-    let padding = packed.padding;
+fn images(padding: &Padding, index: usize, t: f64) -> impl Iterator<Item = (i32, i32)> {
+    let padding = *padding;
     let reach = t.abs().ceil() as usize + 1;
     let along = move |i: usize, n: usize| {
         pack::images(i, n, reach - 1, n + 2 * reach - 1)
@@ -380,15 +384,15 @@ fn steps_inside(cell: [i32; 2], slope: [f64; 2]) -> i32 {
 
 /// The highlights of a frame, by the tiles that their discs reach.
 pub struct Highlights {
-    all: Vec<Highlight>,
+    pub all: Vec<Highlight>,
     /// For each tile, the highlights that reach it, in order.
-    by_tile: Vec<Vec<u32>>,
+    pub by_tile: Vec<Vec<u32>>,
 }
 
 impl Highlights {
     /// Sorts highlights into tiles.
-    pub fn new(all: Vec<Highlight>, packed: &Packed, tiles: &[Tile]) -> Highlights {
-        let (across, pad) = (packed.padding.width.div_ceil(TILE.0), packed.padding.pad as i32);
+    pub fn new(all: Vec<Highlight>, padding: &Padding, tiles: &[Tile]) -> Highlights {
+        let (across, pad) = (padding.width.div_ceil(TILE.0), padding.pad as i32);
         let mut by_tile = vec![Vec::new(); tiles.len()];
         let down = tiles.len() / across;
         for (i, h) in all.iter().enumerate() {

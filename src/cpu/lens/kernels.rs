@@ -5,10 +5,11 @@ use rayon::prelude::*;
 use std::collections::BTreeSet;
 
 /// Radii below this are told apart more finely.
-const SMALL_PX: f64 = 4.0;
+pub const SMALL_PX: f64 = 4.0;
 /// Steps to a pixel, below and above [`SMALL_PX`].
-const FINE: f64 = 64.0;
-const COARSE: f64 = 16.0;
+pub const FINE: f64 = 64.0;
+/// As [`FINE`].
+pub const COARSE: f64 = 16.0;
 
 /// Where shift `t` lies between the radius steps.
 #[inline(always)]
@@ -48,6 +49,11 @@ impl Kernels {
     /// The kernel of a step, which must have been asked for.
     pub fn get(&self, key: i32) -> &Kernel {
         &self.kernels[self.keys.partition_point(|&k| k < key)]
+    }
+
+    /// All kernels by their steps.
+    pub fn iter(&self) -> impl Iterator<Item = (i32, &Kernel)> {
+        self.keys.iter().copied().zip(&self.kernels)
     }
 }
 

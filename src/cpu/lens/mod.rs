@@ -3,25 +3,26 @@
 //! [`sheets`] takes the picture apart into cells (what is in front, what is behind, what is hidden), [`pack`] lays
 //! them out for one focus, [`tiles`] plans, and each tile is a copy, an exact [`disc`], or a [`sweep`].
 
-mod barrel;
-mod blocks;
-mod cells;
-mod colors;
-mod disc;
+pub(crate) mod barrel;
+pub(crate) mod blocks;
+pub(crate) mod cells;
+pub(crate) mod colors;
+pub(crate) mod disc;
 mod fill;
-mod footprint;
-mod highlights;
-mod kernels;
+pub(crate) mod footprint;
+pub(crate) mod highlights;
+pub(crate) mod kernels;
 mod lanes;
-mod pack;
+pub(crate) mod pack;
+pub(crate) mod plan;
 mod sheets;
-mod surfaces;
-mod sweep;
-mod tiles;
+pub(crate) mod surfaces;
+pub(crate) mod sweep;
+pub(crate) mod tiles;
 mod unmix;
 
 pub use barrel::Clip;
-pub use sheets::Sheets;
+pub use sheets::{Sheet, Sheets};
 
 use crate::aperture::Aperture;
 use crate::cancel::Cancel;
@@ -32,16 +33,15 @@ use crate::error::{Result, value_error};
 use crate::memory;
 use crate::optics::{Barrel, Optics};
 use crate::picture::Picture;
-use crate::views;
 use colors::Colors;
-use footprint::Footprint;
 use highlights::Highlights;
 use kernels::Kernels;
-use pack::{Packed, Padding, TILE};
+use pack::{Packed, TILE};
+use plan::Plan;
 use rayon::prelude::*;
-use std::collections::{BTreeMap, BTreeSet};
-use sweep::{Missed, Segments, Start, TileColor};
-use tiles::{Tile, Work};
+use std::collections::BTreeSet;
+use sweep::{Segments, Start, TileColor};
+use tiles::Work;
 
 /// The largest circle of confusion that is rendered.
 pub const MAX_RADIUS_PX: f64 = 2048.0;
@@ -89,44 +89,34 @@ pub fn render(
     cancel: &Cancel,
 ) -> Result<Vec<f32>> {
     let size = picture.size;
-    let s_focus = optics.k * optics.d_focus;
     let mut out = memory::zeros(size.pixels() * size.channels);
     cancel.check()?;
-    let count_views =
-        |radius_px: f64| settings.views.unwrap_or_else(|| views::count_for(radius_px / supersample as f64));
-    let area = settings.aperture.relative_area();
-    let reach = (sheets.shifts.0 - s_focus).abs().max((sheets.shifts.1 - s_focus).abs());
-    let padding = Padding::new(size.width, size.height, reach);
-    let blocks = sheets.blocks.padded(&padding);
     let clip = settings.barrel.map(|barrel| Clip::new(barrel, &settings.aperture));
-    let frame = tiles::Frame {
-        padding: &padding,
-        codes: &sheets.codes,
-        blocks: &blocks,
-        s_focus,
-        barrel: settings.barrel.as_ref(),
-    };
-    let tiles = tiles::plan(&frame, count_views);
+    let Plan { s_focus, reach_px, padding, blocks, tiles, view_sets, footprint, missed } =
+        Plan::new(sheets, optics, settings, supersample);
     let needed = tiles::needed(&padding, &blocks, &tiles);
     cancel.check()?;
-    let mut packed = Packed::new(sheets, padding, blocks, reach, &needed);
+    let mut packed = Packed::new(sheets, padding, blocks, reach_px, &needed);
     cancel.check()?;
-    let view_sets = view_sets(&tiles, &settings.aperture);
 
     let mut colors: Vec<Colors> = sheets.sheets.iter().map(|sheet| sheet.colors.clone()).collect();
     let mut highlights = Vec::new();
     let highlights_are_out = !view_sets.is_empty();
     if highlights_are_out {
-        highlights = highlights::extract(sheets, &mut colors, &packed, s_focus, simd);
+        let dimmed;
+        (highlights, dimmed) = highlights::extract(sheets, &packed.padding, s_focus, simd);
+        for (colors, dimmed) in colors.iter_mut().zip(dimmed).filter(|(_, dimmed)| !dimmed.is_empty()) {
+            *colors = colors.with(dimmed);
+        }
+        highlights::find_hidden(&mut highlights, &packed, s_focus);
         cancel.check()?;
-        let footprint = Footprint::new(reach, |t| views::spacing_px(t, area, count_views(t)));
         let drawn = sheets.sheets.iter().zip(&colors).map(|(sheet, colors)| {
             footprint.widened(sheet, colors, size, s_focus, simd).unwrap_or_else(|| colors.clone())
         });
         packed.set_colors(sheets, &drawn.collect::<Vec<_>>(), &footprint, s_focus, simd);
         cancel.check()?;
     }
-    let highlights = Highlights::new(highlights, &packed, &tiles);
+    let highlights = Highlights::new(highlights, &packed.padding, &tiles);
 
     let front = &sheets.sheets[0];
     let gathered = tiles.iter().filter(|tile| tile.work == Work::Disc);
@@ -145,7 +135,6 @@ pub fn render(
     };
 
     let scene = highlights::Scene { packed: &packed, s_focus, kernels: &kernels, clip: clip.as_ref() };
-    let missed = if sheets.opaque { Missed::Unknown } else { Missed::Nothing };
     let mut slots = split(&mut out, size, TILE);
     slots.par_iter_mut().zip(&tiles).enumerate().try_for_each_init(
         || (Segments::default(), Around::default(), TileColor::new(size.channels)),
@@ -183,18 +172,6 @@ pub fn render(
 struct Around {
     dim: disc::Surroundings<f32>,
     any: disc::Surroundings<f64>,
-}
-
-/// The views of every count that some tile needs.
-fn view_sets(tiles: &[Tile], aperture: &Aperture) -> BTreeMap<usize, Vec<views::View>> {
-    let counts: BTreeSet<usize> = tiles
-        .iter()
-        .filter_map(|tile| match tile.work {
-            Work::Sweep { views, .. } => Some(views),
-            Work::Copy | Work::Disc => None,
-        })
-        .collect();
-    counts.into_iter().map(|n| (n, views::views(aperture, n))).collect()
 }
 
 /// The tile as the pinhole saw it: layers over one another.

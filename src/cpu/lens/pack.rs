@@ -24,7 +24,7 @@ pub struct Padding {
     pub height: usize,
     /// Mirrored pixels on every side, a multiple of [`BLOCK`].
     pub pad: usize,
-    /// Cells from one padded row to the next.
+    /// Cells from one padded row to the next, a multiple of [`BLOCK`].
     pub stride: usize,
     /// Padded rows.
     pub rows: usize,
@@ -61,11 +61,6 @@ impl Padding {
     fn columns_of(&self, x: usize) -> impl Iterator<Item = (usize, bool)> {
         images(x, self.width, self.pad, self.stride)
     }
-
-    /// Padded rows that show frame row `y`, and whether mirrored.
-    fn rows_of(&self, y: usize) -> impl Iterator<Item = (usize, bool)> {
-        images(y, self.height, self.pad, self.rows)
-    }
 }
 
 /// The places that show `i` when `n` are extended by `pad` before and up to `extent` in all.
@@ -95,7 +90,8 @@ impl PartialPlanes {
         if sheet.partial.is_empty() {
             return None;
         }
-        let cells = padding.stride * padding.rows;
+        let (stride, width) = (padding.stride, padding.width);
+        let cells = stride * padding.rows;
         let mut planes = PartialPlanes {
             // The sweep reads eight bytes at a time.
             bits: vec![0; cells / 8 + 8],
@@ -103,20 +99,21 @@ impl PartialPlanes {
             normal_y: vec![0.0; cells],
             cut: vec![0.0; cells],
         };
-        for (index, plane) in sheet.partial.iter() {
-            for (py, flip_y) in padding.rows_of(index / padding.width) {
-                for (px, flip_x) in padding.columns_of(index % padding.width) {
-                    if !present.at(px, py) {
-                        continue;
-                    }
-                    let i = py * padding.stride + px;
-                    planes.bits[i / 8] |= 1 << (i % 8);
-                    planes.normal_x[i] = if flip_x { -plane.normal[0] } else { plane.normal[0] };
-                    planes.normal_y[i] = if flip_y { -plane.normal[1] } else { plane.normal[1] };
-                    planes.cut[i] = plane.cut;
+        let place = |index: usize| sheet.partial.partition_point(|(i, _)| *i < index);
+        let rows = (planes.normal_x.par_chunks_mut(stride), planes.normal_y.par_chunks_mut(stride));
+        let rows = rows.into_par_iter().zip(planes.cut.par_chunks_mut(stride));
+        let rows = rows.zip(planes.bits.par_chunks_mut(stride / 8)).enumerate();
+        rows.for_each(|(py, (((normal_x, normal_y), cut), bits))| {
+            let (y, flip_y) = padding.row(py);
+            for (index, plane) in &sheet.partial[place(y * width)..place((y + 1) * width)] {
+                for (px, flip_x) in padding.columns_of(index % width).filter(|(px, _)| present.at(*px, py)) {
+                    bits[px / 8] |= 1 << (px % 8);
+                    normal_x[px] = if flip_x { -plane.normal[0] } else { plane.normal[0] };
+                    normal_y[px] = if flip_y { -plane.normal[1] } else { plane.normal[1] };
+                    cut[px] = plane.cut;
                 }
             }
-        }
+        });
         Some(planes)
     }
 
@@ -219,22 +216,32 @@ struct Drawn<'a> {
     simd: Simd,
 }
 
-/// Some rows of a sheet's colours and the two around them.
+/// Stretches of some rows of a sheet's colours, and what is around them.
 #[derive(Default)]
 struct Band {
     first: usize,
-    /// Rows of all channels, one after another.
+    /// Rows of all channels, one after another; unknown but for the stretches.
     rows: Vec<f32>,
 }
 
 impl Band {
-    fn fill(&mut self, colors: &Colors, size: Size, rows: &Range<usize>) {
+    fn fill(
+        &mut self,
+        colors: &Colors,
+        size: Size,
+        rows: &Range<usize>,
+        stretches: impl Iterator<Item = Range<usize>> + Clone,
+    ) {
         self.first = rows.start.saturating_sub(1);
         let end = (rows.end + 1).min(size.height);
         let row = size.width * size.channels;
         self.rows.resize((end - self.first) * row, 0.0);
         for (y, out) in (self.first..end).zip(self.rows.chunks_exact_mut(row)) {
-            colors.copy_row(y, 0..size.width, out);
+            for stretch in stretches.clone() {
+                let columns = stretch.start.saturating_sub(1)..(stretch.end + 1).min(size.width);
+                let start = columns.start;
+                colors.copy_row(y, columns, size.width, &mut out[start..]);
+            }
         }
     }
 
@@ -266,11 +273,10 @@ impl Drawn<'_> {
                 continue;
             }
             let mut kappa = [0.0f32; CHUNK];
-            for (kappa, &s) in kappa.iter_mut().zip(&rows.row[chunk.clone()]) {
-                // An empty cell has no shift to be sharpened for.
-                let t = (f64::from(s) - self.s_focus) as f32;
-                *kappa = if s.is_nan() { 0.0 } else { self.footprint.sharpening(t) };
-            }
+            self.simd.run(
+                #[inline(always)]
+                || self.footprint.sharpening(&rows.row[chunk.clone()], self.s_focus, &mut kappa),
+            );
             for (c, out) in planes.iter_mut().enumerate() {
                 let rows = band.rows(self.size, y, c);
                 self.simd.run(
@@ -362,34 +368,38 @@ impl PackedSheet {
         let bands = bands(self.color.iter_mut().map(|plane| &mut plane[frame.clone()]), stride * BLOCK);
         bands.into_par_iter().enumerate().for_each_init(Band::default, |band, (i, mut planes)| {
             let rows = i * BLOCK..(i * BLOCK + planes[0].len() / stride);
-            if present.stretches(rows.start + pad).next().is_none() {
-                return;
-            }
-            band.fill(&drawn.colors[sheet], size, &rows);
+            // A band is a row of blocks.
+            let stretches: Vec<_> = present.stretches(rows.start + pad).collect();
+            let inside = stretches.iter().map(|stretch| {
+                let (inside, _) = parts(padding, stretch);
+                inside.start - pad..inside.end - pad
+            });
+            band.fill(&drawn.colors[sheet], size, &rows, inside);
             for y in rows.clone() {
                 let mut row: Vec<&mut [f32]> = planes
                     .iter_mut()
                     .map(|plane| &mut plane[(y - rows.start) * stride..][..stride])
                     .collect();
-                for stretch in present.stretches(y + pad) {
-                    let (inside, _) = parts(padding, &stretch);
+                for stretch in &stretches {
+                    let (inside, _) = parts(padding, stretch);
                     let mut into: Vec<&mut [f32]> =
                         row.iter_mut().map(|row| &mut row[inside.clone()]).collect();
                     drawn.stretch(band, sheet, y, inside.start - pad..inside.end - pad, &mut into);
                 }
-                for px in present.stretches(y + pad).flat_map(|stretch| parts(padding, &stretch).1) {
+                for px in stretches.iter().flat_map(|stretch| parts(padding, stretch).1) {
                     let source = padding.column(px).0 + pad;
                     row.iter_mut().for_each(|row| row[px] = row[source]);
                 }
             }
         });
-        for py in (0..pad).chain(pad + size.height..padding.rows) {
-            let (own, source) = (py * stride, (padding.row(py).0 + pad) * stride);
-            for stretch in present.stretches(py) {
-                let from = source + stretch.start..source + stretch.end;
-                self.color.iter_mut().for_each(|plane| plane.copy_within(from.clone(), own + stretch.start));
+        self.color.par_iter_mut().for_each(|plane| {
+            for py in (0..pad).chain(pad + size.height..padding.rows) {
+                let (own, source) = (py * stride, (padding.row(py).0 + pad) * stride);
+                for stretch in present.stretches(py) {
+                    plane.copy_within(source + stretch.start..source + stretch.end, own + stretch.start);
+                }
             }
-        }
+        });
     }
 }
 

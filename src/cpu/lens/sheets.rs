@@ -55,7 +55,7 @@ impl Sheets {
         let codes = Codes::new(shifts);
         let depths: Vec<_> =
             (0..sheets.len()).map(|sheet| Depths::new(&sheets, size, sheet, &codes, simd)).collect();
-        let blocks = Blocks::new(size, &depths, &sheets[0].links, simd);
+        let blocks = Blocks::new(size, &depths, &codes, &sheets[0].links, simd);
         Sheets { size, sheets, opaque, shifts, codes, depths: Arc::new(depths), blocks: Arc::new(blocks) }
     }
 

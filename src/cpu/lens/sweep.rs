@@ -166,9 +166,9 @@ impl Segments {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Missed {
     /// The other rays of the pixel speak for them.
-    Unknown,
+    Unknown = 0,
     /// They are transparent.
-    Nothing,
+    Nothing = 1,
 }
 
 /// A tile's picture: planes of `TILE` pixels.

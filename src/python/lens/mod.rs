@@ -104,22 +104,27 @@ impl PyLens {
         focus_distance: f64,
         fov: f64,
         fov_axis: &str,
-        tilt: [f64; 2],
+        tilt: Pair,
         field_curvature: f64,
-        axial_color: [f64; 3],
-        lateral_color: [f64; 3],
+        axial_color: Triple,
+        lateral_color: Triple,
         cat_eye: f64,
         vignetting: &str,
-        principal_point: [f64; 2],
+        principal_point: Pair,
         sensor_mm: Option<f64>,
         breathing_focal_length_mm: Option<f64>,
     ) -> PyResult<PyLens> {
         let fov_axis = choice("fov_axis", fov_axis, &FovAxis::NAMES)?;
-        let mount = Mount { tilt_deg: tilt, principal_point, sensor_mm, breathing_focal_length_mm };
+        let mount = Mount {
+            tilt_deg: tilt.into(),
+            principal_point: principal_point.into(),
+            sensor_mm,
+            breathing_focal_length_mm,
+        };
         let flaws = Flaws {
             field_curvature,
-            axial_color,
-            lateral_color,
+            axial_color: axial_color.into(),
+            lateral_color: lateral_color.into(),
             cat_eye,
             vignetting: choice("vignetting", vignetting, &Vignetting::NAMES)?,
         };
@@ -164,11 +169,11 @@ impl PyLens {
         strength_px: Option<f64>,
         strength_percent: Option<f64>,
         focus: f64,
-        axial_color: [f64; 3],
-        lateral_color: [f64; 3],
+        axial_color: Triple,
+        lateral_color: Triple,
         cat_eye: f64,
         vignetting: &str,
-        principal_point: [f64; 2],
+        principal_point: Pair,
     ) -> PyResult<PyLens> {
         let strength = match (strength_px, strength_percent) {
             (Some(px), None) => Strength::Px(px),
@@ -179,10 +184,10 @@ impl PyLens {
                 ));
             }
         };
-        let mount = Mount { principal_point, ..Mount::PLAIN };
+        let mount = Mount { principal_point: principal_point.into(), ..Mount::PLAIN };
         let flaws = Flaws {
-            axial_color,
-            lateral_color,
+            axial_color: axial_color.into(),
+            lateral_color: lateral_color.into(),
             cat_eye,
             vignetting: choice("vignetting", vignetting, &Vignetting::NAMES)?,
             ..Flaws::NONE

@@ -1,0 +1,225 @@
+"""Deep OpenEXR files, whose pixels hold any number of samples, as layers from front to back."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._arrays import StrPath
+
+Samples = dict[str, NDArray[np.float32]]
+
+_MAGIC = 20000630
+# The bit of the version field that says that some part is deep.
+_HAS_DEEP = 1 << 11
+# The coverage of a sample that gives light and has none: without any it would have no place in a layer.
+_GLOW_ALPHA = 1e-3
+# Pixels whose samples are put in order together.
+_CHUNK = 1 << 18
+
+
+def is_deep(path: StrPath) -> bool:
+    """Tell whether a file is OpenEXR with a deep part.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file.
+
+    Returns
+    -------
+    bool
+        What its version field says.
+    """
+    if not Path(path).is_file():
+        return False
+    with Path(path).open("rb") as file:
+        start = file.read(8)
+    if len(start) < 8:
+        return False
+    magic, version = struct.unpack("<II", start)
+    return bool(magic == _MAGIC and version & _HAS_DEEP)
+
+
+def read_deep(
+    path: StrPath, max_layers: int, *, data: bool
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Read the deep part of a file as layers.
+
+    Samples are sorted by depth; a sample from Z to ZBack stands at Z. Where there are more than `max_layers`
+    of them, neighbours are merged, those first whose merging moves the least light by the least disparity:
+    two become one of their colour over each other, at their mean disparity by visible coverage. So a pixel
+    looks as it did, and the circle of confusion, which is linear in disparity, is right in the mean.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file.
+    max_layers : int
+        The most layers.
+    data : bool
+        Whether to read the pixels that are stored rather than those to be seen.
+
+    Returns
+    -------
+    color : ndarray of float32
+        Shape (L, H, W, 4), premultiplied, L up to `max_layers`.
+    depth : ndarray of float32
+        Shape (L, H, W); infinite where there is no sample.
+
+    Raises
+    ------
+    ImportError
+        If the OpenEXR package is not installed.
+    ValueError
+        If the file is damaged or has no deep part with depth.
+    """
+    if max_layers < 1:
+        raise ValueError(f"max_layers must be positive; got {max_layers}")
+    try:
+        import OpenEXR  # type: ignore[import-not-found, unused-ignore]
+    except ImportError as error:
+        raise ImportError("reading deep OpenEXR files needs OpenEXR: pip install dofsim[deep]") from error
+    try:
+        with OpenEXR.File(str(path), separate_channels=True) as file:
+            deep = (OpenEXR.Storage.deepscanline, OpenEXR.Storage.deeptile)
+            parts = [part for part in file.parts if part.type() in deep and "Z" in part.channels]
+            if not parts:
+                raise ValueError(f"{path}: no deep part has a channel Z")
+            channels = {name: channel.pixels for name, channel in parts[0].channels.items()}
+            header: Mapping[str, Any] = dict(parts[0].header)
+    except (RuntimeError, TypeError) as error:
+        raise ValueError(f"{path}: damaged file: {error}") from error
+    color, depth = flatten(channels, max_layers)
+    if data:
+        return color, depth
+    return _displayed(color, header, 0.0), _displayed(depth, header, np.inf)
+
+
+def flatten(
+    channels: Mapping[str, NDArray[Any]], max_layers: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Turn the samples of every pixel into layers; see `read_deep`.
+
+    Parameters
+    ----------
+    channels : mapping of str to ndarray of object
+        For every channel, the samples of each pixel as an array; ``None`` for none. ``Z`` is needed; ``R``,
+        ``G``, ``B`` (or ``Y``) and ``A`` are used. Without ``A`` samples are opaque.
+    max_layers : int
+        The most layers.
+
+    Returns
+    -------
+    tuple of ndarray of float32
+        Colour and depth.
+    """
+    shape = channels["Z"].shape
+    flat = {name: pixels.ravel() for name, pixels in channels.items()}
+    grey = "Y" in flat and "R" not in flat
+    names = {**dict.fromkeys("RGB", "Y")} if grey else {name: name for name in "RGB"}
+    color: list[NDArray[np.float32]] = []
+    depth: list[NDArray[np.float32]] = []
+    for start in range(0, flat["Z"].size, _CHUNK):
+        pixels = slice(start, start + _CHUNK)
+        z = flat["Z"][pixels]
+        counts = np.fromiter((0 if samples is None else len(samples) for samples in z), np.intp, len(z))
+        values = {"Z": _joined(z, counts)}
+        for name, source in (*names.items(), ("A", "A")):
+            present = flat[source][pixels] if source in flat else None
+            default = np.full_like(values["Z"], 1.0 if name == "A" else 0.0)
+            values[name] = default if present is None else _joined(present, counts)
+        padded = _merged(_in_order(values, counts), max_layers)
+        color.append(np.stack([padded[name] for name in "RGBA"], axis=-1))
+        depth.append(padded["Z"])
+    layers = max(part.shape[1] for part in color)
+    shaped = (layers, *shape)
+    return (
+        np.concatenate([_widened(part, layers, 0.0) for part in color]).swapaxes(0, 1).reshape(*shaped, 4),
+        np.concatenate([_widened(part, layers, np.inf) for part in depth]).swapaxes(0, 1).reshape(shaped),
+    )
+
+
+def _joined(pixels: NDArray[Any], counts: NDArray[np.intp]) -> NDArray[np.float32]:
+    """All samples one after another."""
+    kept = [np.asarray(samples, np.float32) for samples in pixels if samples is not None and len(samples)]
+    joined = np.concatenate(kept) if kept else np.empty(0, np.float32)
+    if joined.size != counts.sum():
+        raise ValueError("the channels of a deep part differ in their numbers of samples")
+    return joined
+
+
+def _in_order(values: Samples, counts: NDArray[np.intp]) -> Samples:
+    """Pad the samples to shape (pixels, samples), the nearest first; what is missing has no coverage."""
+    pixel = np.repeat(np.arange(counts.size), counts)
+    light = np.maximum.reduce([np.abs(values[name]) for name in "RGB"]) > 0
+    alpha = np.where(light & (values["A"] <= 0), np.float32(_GLOW_ALPHA), values["A"])
+    seen = (alpha > 0) & ~np.isnan(values["Z"])
+    kept = {name: plane[seen] for name, plane in {**values, "A": np.minimum(alpha, 1)}.items()}
+    pixel = pixel[seen]
+    order = np.lexsort((kept["Z"], pixel))
+    counts = np.bincount(pixel, minlength=counts.size)
+    place = np.arange(pixel.size) - np.repeat(np.cumsum(counts) - counts, counts)
+    shape = (counts.size, max(1, int(counts.max(initial=0))))
+    padded = {name: np.full(shape, np.inf if name == "Z" else 0.0, np.float32) for name in kept}
+    for name, plane in kept.items():
+        padded[name][pixel[order], place] = plane[order]
+    return padded
+
+
+def _merged(samples: Samples, max_layers: int) -> Samples:
+    """Merge neighbours until no pixel has more than so many samples."""
+    counts = np.count_nonzero(samples["A"], axis=1)
+    for count in range(samples["A"].shape[1], max_layers, -1):
+        rows = np.flatnonzero(counts == count)
+        some = {name: plane[rows, :count] for name, plane in samples.items()}
+        # Ward's criterion: by how much the variance of disparity grows, each sample counting by its coverage,
+        # for what is hidden from the pinhole is not hidden from the lens.
+        front, back = some["A"][:, :-1], some["A"][:, 1:]
+        disparity = _inverse(some["Z"])
+        pair = np.argmin(front * back / (front + back) * np.diff(disparity, axis=1) ** 2, axis=1)
+        first, second = (np.arange(rows.size), pair), (np.arange(rows.size), pair + 1)
+        through = 1 - some["A"][first]
+        # Where the two become one they are seen as from the front.
+        share = through * back[first] / (front[first] + through * back[first])
+        behind = np.arange(count - 1) > pair[:, None]
+        for name, plane in some.items():
+            moved = np.where(behind, plane[:, 1:], plane[:, :-1])
+            if name == "Z":
+                moved[first] = _inverse(disparity[first] + share * (disparity[second] - disparity[first]))
+            else:
+                moved[first] = plane[first] + through * plane[second]
+            samples[name][rows, : count - 1] = moved
+            samples[name][rows, count - 1] = np.inf if name == "Z" else 0.0
+        counts[rows] -= 1
+    return {name: plane[:, :max_layers] for name, plane in samples.items()}
+
+
+def _inverse(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Disparity of depth, and back; of infinite depth it is 0."""
+    with np.errstate(divide="ignore"):
+        return np.float32(1.0) / values
+
+
+def _widened(layers: NDArray[np.float32], count: int, fill: float) -> NDArray[np.float32]:
+    """Add layers of nothing."""
+    missing = [(0, 0)] * layers.ndim
+    missing[1] = (0, count - layers.shape[1])
+    return np.pad(layers, missing, constant_values=fill)
+
+
+def _displayed(layers: NDArray[np.float32], header: Mapping[str, Any], fill: float) -> NDArray[np.float32]:
+    """Cut the pixels that are stored to those to be seen."""
+    (left, top), _ = header["dataWindow"]
+    (first, above), (last, below) = header["displayWindow"]
+    count, height, width, *channels = layers.shape
+    out = np.full((count, int(below - above) + 1, int(last - first) + 1, *channels), fill, np.float32)
+    y, x = int(top - above), int(left - first)
+    into = out[:, max(y, 0) : max(y + height, 0), max(x, 0) : max(x + width, 0)]
+    into[...] = layers[:, max(-y, 0) :, max(-x, 0) :][:, : into.shape[1], : into.shape[2]]
+    return out

@@ -1,0 +1,255 @@
+"""Depth of field in PyTorch: a transform of torchvision's v2 interface, and a data set of such pictures.
+
+Needs ``pip install dofsim[torch]``. Tensors on the CPU are handed over without a copy.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch.utils.data import Dataset, get_worker_info
+from torchvision import tv_tensors
+from torchvision.transforms import v2
+
+import dofsim
+
+__all__ = ["Depth", "DepthOfField", "RandomDepthOfField"]
+
+_DEPTH_WORDS = ("depth_kind", "near", "far", "invalid")
+
+
+class Depth(tv_tensors.Mask):
+    """A depth map of shape (..., H, W), such as transforms of torchvision crop, flip and resize as a mask.
+
+    Examples
+    --------
+    >>> import torch
+    >>> from dofsim.torch import Depth
+    >>> Depth(torch.ones(4, 6)).shape
+    torch.Size([4, 6])
+    """
+
+
+class RandomDepthOfField(v2.Transform):
+    """See a picture through a lens of random opening, focused on a random pixel.
+
+    Samples have any structure that torchvision's transforms take, with one `Depth` and one picture of its
+    size: a `torchvision.tv_tensors.Image`, or else the first plain tensor, of shape (..., C, H, W). All else
+    is passed on. Pictures of uint8 are taken for sRGB, floats for linear light. Random numbers are PyTorch's.
+
+    Parameters
+    ----------
+    lens : Lens
+        The lens to vary; its focus is replaced.
+    max_coc_px : tuple of float
+        The largest radius of the circle of confusion in the picture, in pixels, is drawn between these two.
+        The lens is opened so far.
+    depth_to : {"depth", "coc"}, optional
+        Whether the depth is passed on, or replaced by the signed radius of the circle of confusion in pixels.
+    **options
+        ``depth_kind``, ``near``, ``far``, ``invalid`` and all that `dofsim.render` knows of methods and
+        openings. In a worker of a data loader ``threads`` is 1 unless given.
+
+    Raises
+    ------
+    ValueError
+        If a range is none, or when it is called if the sample has not one depth and one picture, or if they
+        cannot be rendered.
+
+    Examples
+    --------
+    >>> import dofsim, torch
+    >>> from torchvision import tv_tensors
+    >>> from dofsim.torch import Depth, RandomDepthOfField
+    >>> lens = dofsim.Lens(aperture_radius=0.01, focus_distance=1.0, fov=40.0)
+    >>> transform = RandomDepthOfField(lens, max_coc_px=(2.0, 8.0))
+    >>> sample = {"image": tv_tensors.Image(torch.rand(3, 24, 32)), "depth": Depth(torch.rand(24, 32) + 1)}
+    >>> transform(sample)["image"].shape
+    torch.Size([3, 24, 32])
+    """
+
+    # What the base class asks for: pictures and depth, no other masks, boxes or videos.
+    _transformed_types = (tv_tensors.Image, Depth, v2.functional.is_pure_tensor)
+
+    def __init__(
+        self,
+        lens: dofsim.Lens,
+        *,
+        max_coc_px: tuple[float, float],
+        depth_to: str = "depth",
+        **options: Any,
+    ) -> None:
+        super().__init__()
+        low, high = max_coc_px
+        if not 0 <= low <= high < float("inf"):
+            raise ValueError(f"max_coc_px must be two radii, 0 <= low <= high; got {max_coc_px}")
+        if depth_to not in ("depth", "coc"):
+            raise ValueError(f"depth_to must be 'depth' or 'coc'; got {depth_to!r}")
+        self.lens = lens
+        self.max_coc_px = (float(low), float(high))
+        self.depth_to = depth_to
+        self.depth_options = {name: options.pop(name) for name in _DEPTH_WORDS if name in options}
+        self.options = options
+
+    def make_params(self, flat_inputs: list[Any]) -> dict[str, Any]:
+        """Draw the lens.
+
+        Parameters
+        ----------
+        flat_inputs : list
+            The picture and the depth of a sample.
+
+        Returns
+        -------
+        dict
+            The lens as ``lens``, and the depth as ``depth``.
+        """
+        depths = [one for one in flat_inputs if isinstance(one, Depth)]
+        if len(depths) != 1 or len(flat_inputs) != 2:
+            raise ValueError(
+                f"a sample must have one dofsim.torch.Depth and one picture; got {len(depths)} and "
+                f"{len(flat_inputs) - len(depths)}"
+            )
+        return {"lens": self.draw(depths[0]), "depth": depths[0]}
+
+    def draw(self, depth: torch.Tensor) -> dofsim.Lens:
+        """Draw a lens for a depth map.
+
+        Parameters
+        ----------
+        depth : Tensor
+            Shape (..., H, W); all maps of a batch are seen through the same lens.
+
+        Returns
+        -------
+        Lens
+            Focused on a random pixel with finite depth, as wide as was drawn.
+        """
+        planes = _array(depth).reshape(-1, *depth.shape[-2:])
+        relative = self.depth_options.get("depth_kind") == "disparity"
+        usable = np.flatnonzero(np.isfinite(planes) & (relative | (planes > 0)))
+        if usable.size == 0:
+            raise ValueError("the depth has no pixel to focus on: none is finite")
+        chosen = usable[int(torch.randint(usable.size, ()))]
+        index, y, x = (int(i) for i in np.unravel_index(chosen, planes.shape))
+        words = {name: value for name, value in self.depth_options.items() if name != "invalid"}
+        lens = self.lens.focused_at(planes[index], x, y, **words)
+        # The radius is proportional to the opening, so that one look at any opening tells how far to open it.
+        largest = max(float(np.abs(self._coc(plane, lens)).max()) for plane in planes)
+        low, high = self.max_coc_px
+        wanted = low + (high - low) * float(torch.rand(()))
+        factor = wanted / largest if largest > 0 else 0.0
+        if lens.strength_px is not None:
+            return lens.replace(strength_px=factor * lens.strength_px)
+        assert lens.aperture_radius is not None
+        return lens.replace(aperture_radius=factor * lens.aperture_radius)
+
+    def transform(self, inpt: Any, params: dict[str, Any]) -> Any:
+        """See one entry of a sample through the lens.
+
+        Parameters
+        ----------
+        inpt : Tensor
+            The picture or the depth.
+        params : dict
+            What `make_params` gave.
+
+        Returns
+        -------
+        Tensor
+            Of the same type, shape, dtype and device.
+        """
+        lens, depth = params["lens"], params["depth"]
+        if isinstance(inpt, Depth):
+            if self.depth_to == "depth":
+                return inpt
+            planes = _array(inpt).reshape(-1, *inpt.shape[-2:])
+            radii = np.stack([self._coc(plane, lens) for plane in planes]).reshape(inpt.shape)
+            return tv_tensors.wrap(torch.from_numpy(radii).to(inpt.device, inpt.dtype), like=inpt)
+        if inpt.shape[:-3] != depth.shape[:-2] or inpt.shape[-2:] != depth.shape[-2:]:
+            raise ValueError(
+                f"the picture must have shape (..., C, H, W) where the depth has (..., H, W); got "
+                f"{tuple(inpt.shape)} and {tuple(depth.shape)}"
+            )
+        colors = _array(inpt).reshape(-1, *inpt.shape[-3:])
+        planes = _array(depth).reshape(-1, *depth.shape[-2:])
+        options = {**self.depth_options, **self.options}
+        if get_worker_info() is not None:
+            options.setdefault("threads", 1)
+        if np.issubdtype(colors.dtype, np.integer):
+            options.setdefault("transfer", "srgb")
+        # Channels last, as a view.
+        rendered = [
+            dofsim.render(color.transpose(1, 2, 0), plane, lens, **options).transpose(2, 0, 1)
+            for color, plane in zip(colors, planes, strict=True)
+        ]
+        pixels = rendered[0] if len(rendered) == 1 else np.stack(rendered)
+        result = torch.from_numpy(pixels.reshape(inpt.shape)).to(inpt.device)
+        return tv_tensors.wrap(result, like=inpt) if isinstance(inpt, tv_tensors.TVTensor) else result
+
+    def _coc(self, plane: NDArray[Any], lens: dofsim.Lens) -> NDArray[np.float32]:
+        return dofsim.coc(plane, lens, **self.depth_options)
+
+
+class DepthOfField(Dataset[Any]):
+    """A data set of sharp pictures with depth, seen through random lenses that depend on the index alone.
+
+    Whatever the number of workers and the order of access, an index gives the same picture in the same epoch.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Gives samples that ``transform`` takes.
+    transform : RandomDepthOfField
+        What is applied to them.
+    seed : int, optional
+        Another seed draws other lenses; `set_epoch` likewise.
+
+    Examples
+    --------
+    >>> import dofsim, torch
+    >>> from dofsim.torch import Depth, DepthOfField, RandomDepthOfField
+    >>> sharp = [(torch.rand(3, 24, 32), Depth(torch.rand(24, 32) + 1.0)) for _ in range(2)]
+    >>> lens = dofsim.Lens(aperture_radius=0.01, focus_distance=1.0, fov=40.0)
+    >>> data = DepthOfField(sharp, RandomDepthOfField(lens, max_coc_px=(2.0, 8.0), depth_to="coc"))
+    >>> blurred, coc = data[1]
+    >>> bool(torch.equal(blurred, data[1][0]))
+    True
+    """
+
+    def __init__(self, dataset: Any, transform: RandomDepthOfField, *, seed: int = 0) -> None:
+        self.dataset = dataset
+        self.transform = transform
+        self.seed = seed
+        self.epoch = 0
+
+    def set_epoch(self, epoch: int) -> None:
+        """Draw other lenses from now on.
+
+        Parameters
+        ----------
+        epoch : int
+            Its number; the same one draws the same lenses.
+        """
+        self.epoch = epoch
+
+    def __len__(self) -> int:
+        """Return the number of samples."""
+        return len(self.dataset)
+
+    def __getitem__(self, index: int) -> Any:
+        """Return one sample, blurred."""
+        sample = self.dataset[index]
+        entropy = np.random.SeedSequence([self.seed, self.epoch, index % max(1, len(self))])
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(int(entropy.generate_state(1, np.uint64)[0]))
+            return self.transform(sample)
+
+
+def _array(tensor: torch.Tensor) -> NDArray[Any]:
+    """View a tensor as an array; one that is elsewhere is copied to the CPU."""
+    array: NDArray[Any] = np.from_dlpack(tensor.detach().as_subclass(torch.Tensor).cpu())
+    return array

@@ -1,0 +1,178 @@
+// Highlights as exact discs, where nothing nearer is in the way: cpu/lens/highlights.rs.
+
+struct Params {
+    size: vec2<u32>,
+    // The padded frame.
+    padded: vec2<u32>,
+    pad: i32,
+    block: i32,
+    sheets: u32,
+    s_focus: f32,
+    // The largest shift there is.
+    reach_px: f32,
+    // Codes are shifts: s = s_min + (code - 1) step.
+    s_min: f32,
+    step: f32,
+}
+
+// A bright point: its pixel, shift and depth, its disc, and its light.
+struct Highlight {
+    light: vec4<f32>,
+    place: vec2<i32>,
+    t: f32,
+    code: u32,
+    kernel: u32,
+}
+
+// A tile, and those of the highlights that reach it that this pass draws.
+struct Tile {
+    origin: vec2<u32>,
+    first: u32,
+    count: u32,
+}
+
+override CHANNELS: u32 = 3u;
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> codes: array<u32>;
+@group(0) @binding(2) var<storage, read> half_planes: array<u32>;
+@group(0) @binding(3) var<storage, read> kernels: array<u32>;
+@group(0) @binding(4) var<storage, read> highlights: array<Highlight>;
+@group(0) @binding(5) var<storage, read> tiles: array<Tile>;
+// Numbers of the highlights of each tile.
+@group(0) @binding(6) var<storage, read> lists: array<u32>;
+// The nearest code in each block of the padded frame.
+@group(0) @binding(7) var<storage, read> block_nearest: array<u32>;
+@group(0) @binding(8) var<storage, read_write> picture: array<f32>;
+
+// How much of a pixel a disc covers, at an offset from its centre.
+fn weight_at(kernel: Kernel, d: vec2<i32>) -> f32 {
+    let i = d.y - kernel.first_dy;
+    if i < 0 || i >= i32(kernel.count) {
+        return 0.0;
+    }
+    let row = kernel_row(kernel, u32(i));
+    if d.x >= row.run.x && d.x < row.run.y {
+        return kernel.run_weight;
+    }
+    for (var j = 0u; j < row.count; j++) {
+        if partial_dx(row, j) == d.x {
+            return partial_weight(row, j);
+        }
+    }
+    return 0.0;
+}
+
+// Whether another sheet has a cell at the highlight's own pixel, in front of it by no more than `within` pixels.
+fn is_covered(highlight: Highlight, within: f32) -> bool {
+    let pixel = index_in(params.size, highlight.place.x, highlight.place.y);
+    for (var sheet = 0u; sheet < params.sheets; sheet++) {
+        let lo = farthest(codes[sheet * params.size.x * params.size.y + pixel]);
+        if lo > highlight.code && f32(lo - highlight.code) * params.step <= within {
+            return true;
+        }
+    }
+    return false;
+}
+
+// Whether a ray that passes a cell at an offset from its centre meets what the cell covers.
+fn covers(cell: u32, at: vec2<i32>, offset: vec2<f32>) -> bool {
+    let number = half_planes[cell];
+    if number == 0u {
+        return true;
+    }
+    let words = params.sheets * params.size.x * params.size.y + 3u * (number - 1u);
+    let normal = vec2(bitcast<f32>(half_planes[words]), bitcast<f32>(half_planes[words + 1u]))
+        * mirroring(params.size, at.x, at.y);
+    return normal.x * offset.x + normal.y * offset.y <= bitcast<f32>(half_planes[words + 2u]);
+}
+
+// After how many steps at the earliest a ray from a padded cell leaves its block.
+fn steps_inside(cell: vec2<i32>, slope: vec2<f32>) -> i32 {
+    var steps = 1e9;
+    for (var i = 0; i < 2; i++) {
+        let inside = cell[i] % params.block;
+        let to_border = select(inside + 1, params.block - inside, slope[i] > 0.0);
+        if slope[i] != 0.0 {
+            steps = min(steps, f32(to_border - 1) / abs(slope[i]));
+        }
+    }
+    return max(i32(steps), 1);
+}
+
+// Whether the ray from the lens point `l` meets something before it meets the highlight.
+fn is_hidden_from(highlight: Highlight, l: vec2<f32>) -> bool {
+    let longest = max(abs(l.x), abs(l.y));
+    if longest == 0.0 {
+        return is_covered(highlight, 1e30);
+    }
+    if is_covered(highlight, 0.5 / longest) {
+        return true;
+    }
+    let code_per_step = 1.0 / (longest * params.step);
+    // Step by step outwards from the highlight, a cell at a time along the longer axis.
+    let slope = l / longest;
+    let steps = i32(ceil((params.reach_px - highlight.t) * longest));
+    var k = 1;
+    while k <= steps {
+        let along = f32(k) * slope;
+        let moved = vec2(rounded(along.x), rounded(along.y));
+        let at = highlight.place + vec2<i32>(moved);
+        let padded = at + params.pad;
+        if any(padded < vec2(0)) || any(padded >= vec2<i32>(params.padded)) {
+            return false;
+        }
+        let from_code = u32(min(f32(highlight.code) + (f32(k) - 0.5) * code_per_step, 65535.0));
+        let to_code = u32(min(f32(highlight.code) + (f32(k) + 0.5) * code_per_step, 65535.0));
+        let block = padded / params.block;
+        if block_nearest[u32(block.y) * (params.padded.x / u32(params.block)) + u32(block.x)] < from_code {
+            // Nothing in this block is near enough, and the ray only comes nearer.
+            k += steps_inside(padded, slope);
+            continue;
+        }
+        let pixel = index_in(params.size, at.x, at.y);
+        for (var sheet = 0u; sheet < params.sheets; sheet++) {
+            let cell = sheet * params.size.x * params.size.y + pixel;
+            let lo = farthest(codes[cell]);
+            if nearest(codes[cell]) >= from_code && lo < to_code {
+                // Where the ray passes this cell, from its centre: on the line through the highlight.
+                let t_cell = params.s_min + (f32(lo) - 1.0) * params.step - params.s_focus - highlight.t;
+                if covers(cell, at, l * t_cell - moved) {
+                    return true;
+                }
+            }
+        }
+        k++;
+    }
+    return false;
+}
+
+// The light of all highlights at one pixel.
+fn light_at(at: vec2<i32>, tile: Tile) -> vec4<f32> {
+    var sum = vec4<f32>();
+    for (var i = 0u; i < tile.count; i++) {
+        let highlight = highlights[lists[tile.first + i]];
+        let d = highlight.place - at;
+        if max(abs(d.x), abs(d.y)) > i32(ceil(abs(highlight.t))) + 1 {
+            continue;
+        }
+        let weight = weight_at(kernel_at(highlight.kernel), d);
+        if weight > 0.0 && !is_hidden_from(highlight, vec2<f32>(d) / highlight.t) {
+            sum += weight * highlight.light;
+        }
+    }
+    return sum;
+}
+
+@compute @workgroup_size(64, 4)
+fn draw_highlights(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) thread: vec3<u32>) {
+    let tile = tiles[group.x];
+    let at = tile.origin + vec2(thread.x, 4u * group.y + thread.y);
+    if any(at >= params.size) {
+        return;
+    }
+    let value = light_at(vec2<i32>(at), tile);
+    for (var c = 0u; c < CHANNELS; c++) {
+        picture[(at.y * params.size.x + at.x) * CHANNELS + c] += value[c];
+    }
+}

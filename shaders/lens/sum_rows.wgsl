@@ -1,0 +1,50 @@
+// Running sums of the front sheet's colours along every row: value x is the sum of the x cells before.
+
+struct Params {
+    size: vec2<u32>,
+}
+
+const THREADS: u32 = 256u;
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> colors: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read_write> sums: array<vec4<f32>>;
+
+var<workgroup> totals: array<vec4<f32>, 256>;
+
+@compute @workgroup_size(256)
+fn sum_rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
+    // Each thread has a stretch of the row.
+    let stretch = (params.size.x + THREADS - 1u) / THREADS;
+    let first = min(thread * stretch, params.size.x);
+    let end = min(first + stretch, params.size.x);
+    let row = group.x * params.size.x;
+    var total = vec4<f32>();
+    for (var x = first; x < end; x++) {
+        total += colors[row + x];
+    }
+    totals[thread] = total;
+    workgroupBarrier();
+    // Doubling the distance adds up all stretches up to each.
+    for (var distance = 1u; distance < THREADS; distance *= 2u) {
+        var before = vec4<f32>();
+        if thread >= distance {
+            before = totals[thread - distance];
+        }
+        workgroupBarrier();
+        totals[thread] += before;
+        workgroupBarrier();
+    }
+    var sum = vec4<f32>();
+    if thread > 0u {
+        sum = totals[thread - 1u];
+    }
+    let out = group.x * (params.size.x + 1u);
+    for (var x = first; x < end; x++) {
+        sums[out + x] = sum;
+        sum += colors[row + x];
+    }
+    if end == params.size.x && first < end {
+        sums[out + end] = sum;
+    }
+}

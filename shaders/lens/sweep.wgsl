@@ -1,0 +1,268 @@
+// For every view, the nearest cell that each pixel's ray meets: cpu/lens/sweep.rs.
+//
+// A view's way through the depths is the same for all pixels: stretches of codes, each at one offset. A workgroup sweeps
+// half a tile. It first picks those stretches in which there is any cell near it, then every thread follows them for
+// four pixels, with their sums in registers.
+
+struct Params {
+    size: vec2<u32>,
+    // Pixels of margin of the blocks, and their number to a row.
+    pad: u32,
+    blocks_across: u32,
+    block: u32,
+    sheets: u32,
+    // Whether rays that meet nothing are transparent, rather than unknown.
+    missed: u32,
+    // The views of each tile that this pass adds.
+    first_view: u32,
+    end_view: u32,
+}
+
+// A tile, its views, and the depths that occur within reach: a bit for each high byte of a code.
+struct Tile {
+    origin: vec2<u32>,
+    first_view: u32,
+    views: u32,
+    occupied: array<u32, 8>,
+}
+
+// At code u the ray passes the cell at `slope u + base - cell` from its centre. Its stretches, near to far.
+struct View {
+    slope: vec2<f32>,
+    first: u32,
+    end: u32,
+}
+
+// Codes `from .. to`, in the low and the high half, are met at this offset: x in the low half, y in the high one.
+struct Stretch {
+    cell: u32,
+    codes: u32,
+    base: vec2<f32>,
+}
+
+const MISSED_NOTHING: u32 = 1u;
+const BATCH: u32 = 64u;
+const CAPACITY: u32 = 16u;
+const ROWS: u32 = 4u;
+
+override CHANNELS: u32 = 3u;
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> codes: array<u32>;
+@group(0) @binding(2) var<storage, read> drawn: array<vec4<f32>>;
+// For each cell 0, or one more than the number of its half-plane; these follow.
+@group(0) @binding(3) var<storage, read> half_planes: array<u32>;
+// Views, then stretches.
+@group(0) @binding(4) var<storage, read> paths: array<vec4<u32>>;
+@group(0) @binding(5) var<storage, read> tiles: array<Tile>;
+// For each block of the padded frame and each sheet, the depths in a tile that begins there; as in `Tile`.
+@group(0) @binding(6) var<storage, read> windows: array<u32>;
+// How many views of each pixel have met nothing; between passes the picture holds sums.
+@group(0) @binding(7) var<storage, read_write> missed_before: array<f32>;
+@group(0) @binding(8) var<storage, read_write> picture: array<f32>;
+
+// Stretches and sheets that each view of a batch may meet cells in, and from which stretch on it has not been looked.
+var<workgroup> met: array<vec2<u32>, 1024>;
+var<workgroup> met_count: array<u32, BATCH>;
+var<workgroup> not_looked: array<u32, BATCH>;
+
+var<private> place: vec2<i32>;
+var<private> sums: array<vec4<f32>, ROWS>;
+var<private> waiting: array<bool, ROWS>;
+
+fn view_at(i: u32) -> View {
+    let words = paths[i];
+    return View(bitcast<vec2<f32>>(words.xy), words.z, words.w);
+}
+
+fn stretch_at(i: u32) -> Stretch {
+    let words = paths[i];
+    return Stretch(words.x, words.y, bitcast<vec2<f32>>(words.zw));
+}
+
+fn offset_of(stretch: Stretch) -> vec2<i32> {
+    let cell = bitcast<i32>(stretch.cell);
+    return vec2((cell << 16u) >> 16u, cell >> 16u);
+}
+
+// The first and the last depth that the codes of a stretch fall to.
+fn bins_of(stretch: Stretch) -> vec2<u32> {
+    return vec2(stretch.codes & 0xffffu, (stretch.codes >> 16u) - 1u) >> vec2(8u);
+}
+
+// Those bits of a word of depths.
+fn bits_of(bins: vec2<u32>, word: u32) -> u32 {
+    let low = max(bins.x, 32u * word) - 32u * word;
+    let high = min(bins.y, 32u * word + 31u) - 32u * word;
+    return (0xffffffffu << low) & (0xffffffffu >> (31u - high));
+}
+
+fn is_occupied(tile: u32, stretch: Stretch) -> bool {
+    let bins = bins_of(stretch);
+    for (var word = bins.x / 32u; word <= bins.y / 32u; word++) {
+        if (tiles[tile].occupied[word] & bits_of(bins, word)) != 0u {
+            return true;
+        }
+    }
+    return false;
+}
+
+fn is_in_window(origin: vec2<u32>, stretch: Stretch, sheet: u32) -> bool {
+    let at = vec2<u32>(vec2<i32>(origin + params.pad) + offset_of(stretch)) / params.block;
+    let window = 8u * ((at.y * params.blocks_across + at.x) * params.sheets + sheet);
+    let bins = bins_of(stretch);
+    for (var word = bins.x / 32u; word <= bins.y / 32u; word++) {
+        if (windows[window + word] & bits_of(bins, word)) != 0u {
+            return true;
+        }
+    }
+    return false;
+}
+
+// Picks the stretches of a view, as many as there is room for.
+fn look(tile: u32, view: u32, slot: u32) {
+    var count = 0u;
+    let path = view_at(view);
+    var i = path.first;
+    while i < path.end && count + params.sheets <= CAPACITY {
+        let stretch = stretch_at(i);
+        if is_occupied(tile, stretch) {
+            for (var sheet = 0u; sheet < params.sheets; sheet++) {
+                if is_in_window(tiles[tile].origin, stretch, sheet) {
+                    met[slot * CAPACITY + count] = vec2(i, sheet);
+                    count++;
+                }
+            }
+        }
+        i++;
+    }
+    met_count[slot] = count;
+    not_looked[slot] = i;
+}
+
+// Whether a ray passes through the part of its pixel that a cell covers.
+fn is_covered(cell: u32, at: vec2<i32>, view: View, stretch: Stretch) -> bool {
+    let number = half_planes[cell];
+    if number == 0u {
+        return true;
+    }
+    let words = params.sheets * params.size.x * params.size.y + 3u * (number - 1u);
+    let normal = vec2(bitcast<f32>(half_planes[words]), bitcast<f32>(half_planes[words + 1u]))
+        * mirroring(params.size, at.x, at.y);
+    let ray = view.slope * f32(farthest(codes[cell])) + stretch.base;
+    return normal.x * ray.x + normal.y * ray.y <= bitcast<f32>(half_planes[words + 2u]);
+}
+
+// Gives the waiting pixels the cells that they meet in one stretch of one sheet.
+fn meet(view: View, i: u32, sheet: u32) {
+    let stretch = stretch_at(i);
+    let from_code = stretch.codes & 0xffffu;
+    let to_code = stretch.codes >> 16u;
+    let first = place + offset_of(stretch);
+    let column = u32(mirrored(first.x, i32(params.size.x)));
+    for (var row = 0u; row < ROWS; row++) {
+        if !waiting[row] {
+            continue;
+        }
+        let at = vec2(first.x, first.y + 4 * i32(row));
+        let line = sheet * params.size.y + u32(mirrored(at.y, i32(params.size.y)));
+        let cell = line * params.size.x + column;
+        let hit = nearest(codes[cell]) >= from_code && farthest(codes[cell]) < to_code;
+        if hit && is_covered(cell, at, view, stretch) {
+            sums[row] += drawn[cell];
+            waiting[row] = false;
+        }
+    }
+}
+
+fn is_any_waiting() -> bool {
+    return waiting[0] || waiting[1] || waiting[2] || waiting[3];
+}
+
+// Follows one view, whose stretches have been picked.
+fn follow(tile: u32, view: View, slot: u32) {
+    for (var i = 0u; i < met_count[slot] && is_any_waiting(); i++) {
+        let found = met[slot * CAPACITY + i];
+        meet(view, found.x, found.y);
+    }
+    for (var i = not_looked[slot]; i < view.end && is_any_waiting(); i++) {
+        if is_occupied(tile, stretch_at(i)) {
+            for (var sheet = 0u; sheet < params.sheets; sheet++) {
+                meet(view, i, sheet);
+            }
+        }
+    }
+}
+
+// The mean over all views that count.
+fn mean(sum: vec4<f32>, count: f32, missed: f32, pixel: u32) -> vec4<f32> {
+    let met_views = count - select(missed, 0.0, params.missed == MISSED_NOTHING);
+    if met_views > 0.0 {
+        return sum / met_views;
+    }
+    // Where nothing at all was met, the pixel keeps what it saw itself.
+    return drawn[pixel];
+}
+
+@compute @workgroup_size(64, 4)
+fn sweep(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(local_invocation_id) thread: vec3<u32>,
+    @builtin(local_invocation_index) index: u32,
+) {
+    let tile = group.x;
+    let own = tiles[tile].origin + vec2(thread.x, ROWS * 4u * group.y + thread.y);
+    place = vec2<i32>(own);
+    if params.first_view >= tiles[tile].views {
+        // An earlier pass was its last.
+        return;
+    }
+    var missed = array<f32, ROWS>();
+    if params.first_view > 0u {
+        for (var row = 0u; row < ROWS; row++) {
+            let at = vec2(own.x, own.y + 4u * row);
+            if all(at < params.size) {
+                let pixel = at.y * params.size.x + at.x;
+                missed[row] = missed_before[pixel];
+                for (var c = 0u; c < CHANNELS; c++) {
+                    sums[row][c] = picture[pixel * CHANNELS + c];
+                }
+            }
+        }
+    }
+    let count = min(tiles[tile].views, params.end_view);
+    for (var batch = params.first_view; batch < count; batch += BATCH) {
+        workgroupBarrier();
+        let first = tiles[tile].first_view + batch;
+        let here = min(BATCH, count - batch);
+        if index < here {
+            look(tile, first + index, index);
+        }
+        workgroupBarrier();
+        for (var slot = 0u; slot < here; slot++) {
+            for (var row = 0u; row < ROWS; row++) {
+                waiting[row] = own.x < params.size.x && own.y + 4u * row < params.size.y;
+            }
+            follow(tile, view_at(first + slot), slot);
+            for (var row = 0u; row < ROWS; row++) {
+                missed[row] += select(0.0, 1.0, waiting[row]);
+            }
+        }
+    }
+    for (var row = 0u; row < ROWS; row++) {
+        let at = vec2(own.x, own.y + 4u * row);
+        if any(at >= params.size) {
+            continue;
+        }
+        let pixel = at.y * params.size.x + at.x;
+        var value = sums[row];
+        if count < tiles[tile].views {
+            missed_before[pixel] = missed[row];
+        } else {
+            value = mean(sums[row], f32(count), missed[row], pixel);
+        }
+        for (var c = 0u; c < CHANNELS; c++) {
+            picture[pixel * CHANNELS + c] = value[c];
+        }
+    }
+}

@@ -1,0 +1,53 @@
+// One widening pass: diffusion to four neighbours at a distance, along each surface: cpu/lens/footprint.rs.
+
+struct Params {
+    size: vec2<u32>,
+    reach: i32,
+    // The variance that was added before.
+    done: f32,
+    // The variance that a unit of weight adds.
+    per_weight: f32,
+    max_weight: f32,
+    // How far apart in shift neighbouring cells of one surface may be.
+    connected_px: f32,
+    @align(16) footprint: Footprint,
+}
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(2) var<storage, read> shifts: array<f32>;
+@group(0) @binding(3) var<storage, read> colors: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read_write> widened: array<vec4<f32>>;
+
+// What a cell wants of its neighbours.
+fn wanted(s: f32) -> f32 {
+    if s > NOWHERE {
+        return 0.0;
+    }
+    let left = max(variance(params.footprint, s) - params.footprint.next_cells, 0.0) - params.done;
+    return clamp(left * (1.0 / params.per_weight), 0.0, params.max_weight);
+}
+
+@compute @workgroup_size(16, 16)
+fn widen(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy >= params.size) {
+        return;
+    }
+    let sheet = id.z * params.size.x * params.size.y;
+    let own = sheet + id.y * params.size.x + id.x;
+    let s = shifts[own];
+    let own_wanted = wanted(s);
+    var color = colors[own];
+    let sides = array<vec2<i32>, 4>(vec2(1, 0), vec2(-1, 0), vec2(0, -1), vec2(0, 1));
+    for (var i = 0; i < 4; i++) {
+        let at = vec2<i32>(id.xy) + params.reach * sides[i];
+        if any(at < vec2(0)) || any(at >= vec2<i32>(params.size)) {
+            continue;
+        }
+        let other = sheet + u32(at.y) * params.size.x + u32(at.x);
+        // What two cells exchange is the mean of what both want.
+        if abs(s - shifts[other]) < params.connected_px * f32(params.reach) {
+            color += 0.5 * (own_wanted + wanted(shifts[other])) * (colors[other] - colors[own]);
+        }
+    }
+    widened[own] = color;
+}

@@ -1,0 +1,113 @@
+//! Where to compute.
+
+use crate::error::{Error, Result, value_error};
+use crate::gpu;
+use crate::gpu::adapters::{self, Adapter, Kind};
+use crate::optics::Imaging;
+use crate::render::Method;
+
+/// A device as a caller chose it. Adapters are numbered as [`adapters::all`] lists them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Device {
+    /// The CPU.
+    Cpu,
+    /// An adapter, which a caller insists on.
+    Gpu(usize),
+    /// An adapter for the methods and lenses that have a GPU path, the CPU for the others.
+    Either(usize),
+}
+
+/// Where one method is computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// On the CPU.
+    Cpu,
+    /// On an adapter.
+    Gpu(usize),
+}
+
+impl Device {
+    /// The device of this name. `preset`, from the environment, says what "auto" and "gpu" stand for.
+    pub fn named(name: &str, preset: Option<&str>) -> Result<Device> {
+        match (name, preset) {
+            ("cpu", _) => Ok(Device::Cpu),
+            ("auto", Some("cpu")) => Ok(Device::Cpu),
+            ("gpu", Some("cpu")) => Err(Error::Device(
+                "device=\"gpu\": the environment variable DOFSIM_DEVICE is \"cpu\"; unset it, or name an adapter that \
+                 dofsim.devices() lists"
+                    .to_owned(),
+            )),
+            ("auto", None | Some("auto")) if !adapters::may_have_gpu() => Ok(Device::Cpu),
+            ("auto", None | Some("auto")) => {
+                Ok(adapters::best(&adapters::all()).map_or(Device::Cpu, Device::Either))
+            }
+            ("gpu", None | Some("auto" | "gpu")) => gpu(&adapters::all()).map(Device::Gpu),
+            ("auto", Some("gpu")) => gpu(&adapters::all()).map(Device::Either),
+            ("auto", Some(word)) => {
+                adapter("the environment variable DOFSIM_DEVICE", word).map(Device::Either)
+            }
+            ("gpu", Some(word)) => adapter("the environment variable DOFSIM_DEVICE", word).map(Device::Gpu),
+            (word, _) => adapter("device", word).map(Device::Gpu),
+        }
+    }
+
+    /// Where a method is computed under some lenses; an error if the device cannot.
+    pub fn place(self, method: &Method, lenses: &[Imaging]) -> Result<Place> {
+        let refused = lenses.iter().find_map(|lens| gpu::refuse(method, lens).err());
+        match self {
+            Device::Gpu(adapter) => refused.map_or(Ok(Place::Gpu(adapter)), Err),
+            Device::Either(adapter) if refused.is_none() => Ok(Place::Gpu(adapter)),
+            Device::Cpu | Device::Either(_) => Ok(Place::Cpu),
+        }
+    }
+}
+
+/// The best GPU.
+fn gpu(adapters: &[Adapter]) -> Result<usize> {
+    adapters::best(adapters).ok_or_else(|| {
+        let software = adapters.iter().position(|adapter| adapter.kind == Kind::Software);
+        let found = software.map_or(String::new(), |i| {
+            let name = &adapters[i].name;
+            format!(" There is a software rasteriser, {name:?}, which device=\"gpu:{i}\" uses.")
+        });
+        Error::Device(format!(
+            "device=\"gpu\": no GPU was found.{found} A GPU needs its driver for Vulkan (on Debian and Ubuntu that is \
+             mesa-vulkan-drivers for AMD and Intel, and part of NVIDIA's own driver), Metal or Direct3D 12; \
+             device=\"cpu\" needs none"
+        ))
+    })
+}
+
+/// The adapter that a word stands for: its number after "gpu:", its name, or a part of the name that no other has.
+fn adapter(argument: &str, word: &str) -> Result<usize> {
+    let adapters = adapters::all();
+    let names = || {
+        let all = adapters.iter().enumerate();
+        let all: Vec<String> = all.map(|(i, adapter)| format!("\"gpu:{i}\" ({})", adapter.name)).collect();
+        if all.is_empty() { "there is no adapter".to_owned() } else { format!("there is {}", all.join(", ")) }
+    };
+    if let Some(number) = word.strip_prefix("gpu:") {
+        let number: usize =
+            number.parse().map_err(|_| value_error!("{argument} must be like \"gpu:1\"; got {word:?}"))?;
+        return (number < adapters.len())
+            .then_some(number)
+            .ok_or_else(|| Error::Device(format!("{argument}: there is no {word:?}; {}", names())));
+    }
+    let lower = word.to_lowercase();
+    let matching = |matches: &dyn Fn(&str) -> bool| -> Vec<usize> {
+        let all = adapters.iter().enumerate();
+        all.filter(|(_, adapter)| matches(&adapter.name.to_lowercase())).map(|(i, _)| i).collect()
+    };
+    let exact = matching(&|name| name == lower);
+    // One adapter may be listed more than once, by several drivers.
+    if let Some(&first) = exact.first() {
+        return Ok(first);
+    }
+    match matching(&|name| !lower.is_empty() && name.contains(&lower)).as_slice() {
+        [one] => Ok(*one),
+        _ => Err(value_error!(
+            "{argument} must be \"auto\", \"cpu\", \"gpu\" or an adapter; got {word:?}, and {}",
+            names()
+        )),
+    }
+}

@@ -1,0 +1,263 @@
+//! Passes over buffers, run one after another, and what comes back.
+
+use super::device::{Gpu, lock};
+use super::shader::Shader;
+use crate::cancel::Cancel;
+use crate::error::Result;
+use crate::memory;
+use crate::picture::Size;
+use crate::render::{PassTime, Rendered};
+use bytemuck::Pod;
+use rayon::prelude::*;
+use std::sync::{Arc, OnceLock};
+use std::time::Duration;
+use wgpu::BufferUsages;
+
+/// How often a wait looks whether it has been cancelled.
+const CANCEL_INTERVAL: Duration = Duration::from_millis(20);
+/// The most passes that are timed; any further ones are run all the same.
+const MAX_TIMED: u32 = 64;
+/// Values that one worker copies at a time.
+const COPIED: usize = 1 << 18;
+/// Buffers that are kept for pictures to come back in: while one is read, the next is filled.
+const MAX_SPARE_BACK: usize = 2;
+/// Pixels along each axis of the workgroups of passes over frames.
+pub const GROUP: usize = 16;
+
+/// A buffer as a pass uses it.
+#[derive(Clone, Copy)]
+pub enum Bound<'a> {
+    /// It is only read.
+    Read(&'a wgpu::Buffer),
+    /// It is written to.
+    Write(&'a wgpu::Buffer),
+}
+
+/// Takes a buffer of this size out of some.
+fn take(spare: &mut Vec<wgpu::Buffer>, bytes: usize) -> Option<wgpu::Buffer> {
+    let fits = spare.iter().position(|buffer| buffer.size() == bytes as u64)?;
+    Some(spare.swap_remove(fits))
+}
+
+/// Workgroups that cover a frame.
+pub fn groups(width: usize, height: usize) -> [u32; 3] {
+    [width.div_ceil(GROUP) as u32, height.div_ceil(GROUP) as u32, 1]
+}
+
+/// Passes that are being put together.
+pub struct Commands<'a> {
+    pub gpu: &'a Arc<Gpu>,
+    encoder: wgpu::CommandEncoder,
+    /// Begin and end of every pass, if the device keeps time.
+    stamps: Option<wgpu::QuerySet>,
+    passes: Vec<&'static str>,
+    /// Buffers that the next job may use.
+    taken: Vec<wgpu::Buffer>,
+}
+
+impl<'a> Commands<'a> {
+    pub fn new(gpu: &'a Arc<Gpu>) -> Commands<'a> {
+        let keeps_time = gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
+        let stamps = keeps_time.then(|| {
+            gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
+                label: None,
+                ty: wgpu::QueryType::Timestamp,
+                count: 2 * MAX_TIMED,
+            })
+        });
+        let encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        Commands { gpu, encoder, stamps, passes: Vec::new(), taken: Vec::new() }
+    }
+
+    /// A buffer of `len` values that passes write and read. It may hold those of an earlier job, which the device has
+    /// done before it begins this one.
+    pub fn scratch<T: Pod>(&mut self, what: &'static str, len: usize) -> Result<wgpu::Buffer> {
+        let bytes = len * size_of::<T>();
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
+        let spare = take(&mut lock(&self.gpu.spare), bytes);
+        let buffer = spare.map_or_else(|| self.gpu.buffer(what, bytes, usage), Ok)?;
+        self.taken.push(buffer.clone());
+        Ok(buffer)
+    }
+
+    /// A buffer for an interleaved picture of this size.
+    pub fn output(&mut self, size: Size) -> Result<wgpu::Buffer> {
+        self.scratch::<f32>("the result", size.pixels() * size.channels)
+    }
+
+    /// Runs a shader on `groups` workgroups. Binding 0 is `params`, the following ones are `buffers`.
+    pub fn pass<P: Pod>(
+        &mut self,
+        shader: &Shader,
+        channels: usize,
+        params: &P,
+        buffers: &[Bound],
+        groups: [u32; 3],
+    ) -> Result<()> {
+        let device = &self.gpu.device;
+        let params = self.gpu.filled("parameters", bytemuck::bytes_of(params), BufferUsages::UNIFORM)?;
+        let kind =
+            |bound: &Bound| wgpu::BufferBindingType::Storage { read_only: matches!(bound, Bound::Read(_)) };
+        let kinds = std::iter::once(wgpu::BufferBindingType::Uniform).chain(buffers.iter().map(kind));
+        let entry = |(binding, ty)| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility: wgpu::ShaderStages::COMPUTE,
+            ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
+            count: None,
+        };
+        let entries: Vec<_> = (0..).zip(kinds).map(entry).collect();
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some(shader.name),
+            entries: &entries,
+        });
+        let bound = buffers.iter().map(|(Bound::Read(buffer) | Bound::Write(buffer))| *buffer);
+        let entries: Vec<_> = (0..)
+            .zip(std::iter::once(&params).chain(bound))
+            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+            .collect();
+        let bind_group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(shader.name),
+            layout: &layout,
+            entries: &entries,
+        });
+        let pipeline = self.gpu.pipeline(shader, channels, &layout);
+
+        let first = 2 * self.passes.len() as u32;
+        let stamps = self.stamps.as_ref().filter(|_| first < 2 * MAX_TIMED);
+        let timestamp_writes = stamps.map(|query_set| wgpu::ComputePassTimestampWrites {
+            query_set,
+            beginning_of_pass_write_index: Some(first),
+            end_of_pass_write_index: Some(first + 1),
+        });
+        let descriptor = wgpu::ComputePassDescriptor { label: Some(shader.name), timestamp_writes };
+        let mut pass = self.encoder.begin_compute_pass(&descriptor);
+        pass.set_pipeline(&pipeline);
+        pass.set_bind_group(0, &bind_group, &[]);
+        pass.dispatch_workgroups(groups[0], groups[1], groups[2]);
+        drop(pass);
+        self.passes.push(shader.name);
+        Ok(())
+    }
+
+    /// Copies a buffer whole.
+    pub fn copy(&mut self, from: &wgpu::Buffer, to: &wgpu::Buffer) {
+        self.encoder.copy_buffer_to_buffer(from, 0, to, 0, from.size());
+    }
+
+    /// Runs the passes, after which `output` comes back.
+    pub fn submit(mut self, output: &wgpu::Buffer) -> Result<Pending> {
+        let gpu = self.gpu;
+        let bytes = output.size();
+        let back = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
+        let spare = take(&mut lock(&gpu.spare_back), bytes as usize);
+        let values =
+            spare.map_or_else(|| gpu.buffer("the picture that comes back", bytes as usize, back), Ok)?;
+        self.encoder.copy_buffer_to_buffer(output, 0, &values, 0, bytes);
+        let timed = self.passes.len().min(MAX_TIMED as usize);
+        let stamps = match &self.stamps {
+            Some(stamps) if timed > 0 => {
+                let bytes = 2 * timed * size_of::<u64>();
+                let resolve = BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC;
+                let resolved = gpu.buffer("timestamps", bytes, resolve)?;
+                let stamps_back = gpu.buffer("timestamps that come back", bytes, back)?;
+                self.encoder.resolve_query_set(stamps, 0..2 * timed as u32, &resolved, 0);
+                self.encoder.copy_buffer_to_buffer(&resolved, 0, &stamps_back, 0, bytes as u64);
+                Some(stamps_back)
+            }
+            _ => None,
+        };
+        let submission = gpu.queue.submit([self.encoder.finish()]);
+        *lock(&gpu.spare) = self.taken;
+        Ok(Pending {
+            gpu: Arc::clone(gpu),
+            submission,
+            values: Mapped::new(values),
+            stamps: stamps.map(Mapped::new),
+            passes: self.passes,
+        })
+    }
+}
+
+/// A buffer that will be readable.
+struct Mapped {
+    buffer: wgpu::Buffer,
+    outcome: Arc<OnceLock<std::result::Result<(), wgpu::BufferAsyncError>>>,
+}
+
+impl Mapped {
+    fn new(buffer: wgpu::Buffer) -> Mapped {
+        let outcome = Arc::new(OnceLock::new());
+        let told = Arc::clone(&outcome);
+        // It is called once, so that there is nothing to be replaced.
+        buffer.map_async(wgpu::MapMode::Read, .., move |result| drop(told.set(result)));
+        Mapped { buffer, outcome }
+    }
+
+    /// Reads what has arrived.
+    fn read<T>(&self, gpu: &Gpu, read: impl FnOnce(&[u8]) -> T) -> Result<T> {
+        match self.outcome.get() {
+            Some(Ok(())) => {
+                let view = self.buffer.get_mapped_range(..).map_err(|error| gpu.error(error))?;
+                Ok(read(&view))
+            }
+            Some(Err(error)) => {
+                gpu.check()?;
+                Err(gpu.error(error))
+            }
+            None => {
+                gpu.check()?;
+                Err(gpu.error("the device stopped before the picture was done"))
+            }
+        }
+    }
+}
+
+/// Passes that are running.
+pub struct Pending {
+    gpu: Arc<Gpu>,
+    submission: wgpu::SubmissionIndex,
+    values: Mapped,
+    stamps: Option<Mapped>,
+    passes: Vec<&'static str>,
+}
+
+impl Pending {
+    /// Waits for the passes to end.
+    pub fn wait(self, cancel: &Cancel) -> Result<Rendered> {
+        let gpu = &self.gpu;
+        loop {
+            let submission_index = Some(self.submission.clone());
+            let wait = wgpu::PollType::Wait { submission_index, timeout: Some(CANCEL_INTERVAL) };
+            match gpu.device.poll(wait) {
+                Ok(_) => break,
+                Err(wgpu::PollError::Timeout) => cancel.check()?,
+                Err(error) => return Err(gpu.error(error)),
+            }
+        }
+        let pixels = self.values.read(gpu, |bytes| {
+            let mut values: Vec<f32> = memory::zeros(bytes.len() / size_of::<f32>());
+            let source: &[f32] = bytemuck::cast_slice(bytes);
+            values
+                .par_chunks_mut(COPIED)
+                .zip(source.par_chunks(COPIED))
+                .for_each(|(values, source)| values.copy_from_slice(source));
+            values
+        })?;
+        let passes = self.stamps.as_ref().map_or(Ok(Vec::new()), |stamps| {
+            let seconds_per_tick = f64::from(gpu.queue.get_timestamp_period()) * 1e-9;
+            stamps.read(gpu, |bytes| {
+                let ticks: &[u64] = bytemuck::cast_slice(bytes);
+                let seconds = ticks.as_chunks::<2>().0.iter();
+                let seconds =
+                    seconds.map(|[begin, end]| end.saturating_sub(*begin) as f64 * seconds_per_tick);
+                self.passes.iter().zip(seconds).map(|(&name, seconds)| PassTime { name, seconds }).collect()
+            })
+        })?;
+        gpu.check()?;
+        self.values.buffer.unmap();
+        let mut spare = lock(&gpu.spare_back);
+        spare.truncate(MAX_SPARE_BACK - 1);
+        spare.insert(0, self.values.buffer);
+        Ok(Rendered { pixels, passes })
+    }
+}

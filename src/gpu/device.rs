@@ -1,0 +1,231 @@
+//! An open adapter: buffers, pipelines and errors.
+
+use super::adapters::{self, Adapter};
+use super::shader::Shader;
+use crate::error::{Error, Result};
+use bytemuck::Pod;
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// What is open, by process and adapter.
+type Open = HashMap<(u32, usize), Arc<Gpu>>;
+/// A pipeline by the shader's name and the number of channels.
+type Pipelines = HashMap<(&'static str, usize), Arc<wgpu::ComputePipeline>>;
+
+/// An adapter that has been opened. There is one for each adapter and process, until it fails.
+pub struct Gpu {
+    adapter: usize,
+    name: String,
+    pub(super) device: wgpu::Device,
+    pub(super) queue: wgpu::Queue,
+    pub(super) limits: wgpu::Limits,
+    pipelines: Mutex<Pipelines>,
+    /// Buffers of the last job that the next one may use.
+    pub(super) spare: Mutex<Vec<wgpu::Buffer>>,
+    /// The same of those that come back.
+    pub(super) spare_back: Mutex<Vec<wgpu::Buffer>>,
+    /// What went wrong outside of any call.
+    fault: Arc<Mutex<Option<String>>>,
+}
+
+/// The adapters that are open. Those of a parent process stay, because a forked child must not
+/// free them.
+static OPEN: Mutex<Option<Open>> = Mutex::new(None);
+
+pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    // What a poisoned lock holds is whole or absent.
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn mebibytes(bytes: u64) -> u64 {
+    bytes.div_ceil(1 << 20)
+}
+
+impl Gpu {
+    /// The adapter that is the `adapter`th of [`adapters::all`]; opened anew if it is not open or has failed.
+    pub fn open(adapter: usize) -> Result<Arc<Gpu>> {
+        let key = (std::process::id(), adapter);
+        let at_hand = lock(&OPEN).as_ref().and_then(|open| open.get(&key)).map(Arc::clone);
+        if let Some(gpu) = at_hand {
+            if lock(&gpu.fault).is_none() {
+                return Ok(gpu);
+            }
+            gpu.retire();
+        }
+        let adapters = adapters::all();
+        let found = adapters.get(adapter).ok_or_else(|| {
+            Error::Device(format!("there is no adapter {adapter}; dofsim.devices() lists what there is"))
+        })?;
+        let gpu = Arc::new(Gpu::new(adapter, found)?);
+        let mut open = lock(&OPEN);
+        Ok(Arc::clone(open.get_or_insert_with(HashMap::new).entry(key).or_insert(gpu)))
+    }
+
+    fn new(index: usize, adapter: &Adapter) -> Result<Gpu> {
+        let limits = adapter.handle.limits();
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("dofsim"),
+            required_features: adapter.handle.features() & wgpu::Features::TIMESTAMP_QUERY,
+            required_limits: limits.clone(),
+            ..Default::default()
+        };
+        let refused = |error| Error::Device(format!("{}: cannot be opened: {error}", adapter.name));
+        let (device, queue) =
+            pollster::block_on(adapter.handle.request_device(&descriptor)).map_err(refused)?;
+        let fault = Arc::new(Mutex::new(None));
+        // Without a handler, an error that no scope catches is a panic.
+        let uncaught = Arc::clone(&fault);
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            lock(&uncaught).get_or_insert(error.to_string());
+        }));
+        let lost = Arc::clone(&fault);
+        device.set_device_lost_callback(move |_, reason| {
+            lock(&lost).get_or_insert(format!("the device was lost: {reason}"));
+        });
+        let name = adapter.name.clone();
+        Ok(Gpu {
+            adapter: index,
+            name,
+            device,
+            queue,
+            limits,
+            pipelines: Mutex::default(),
+            spare: Mutex::default(),
+            spare_back: Mutex::default(),
+            fault,
+        })
+    }
+
+    /// Makes the next call open the adapter anew.
+    pub fn retire(&self) {
+        let mut open = lock(&OPEN);
+        let key = (std::process::id(), self.adapter);
+        let is_this = |gpu: &Arc<Gpu>| std::ptr::eq(Arc::as_ptr(gpu), self);
+        if let Some(open) = open.as_mut().filter(|open| open.get(&key).is_some_and(is_this)) {
+            open.remove(&key);
+        }
+    }
+
+    /// An error in this device's name.
+    pub(super) fn error(&self, what: impl std::fmt::Display) -> Error {
+        Error::Device(format!("{}: {what}", self.name))
+    }
+
+    /// An error if something went wrong outside of any call.
+    pub(super) fn check(&self) -> Result<()> {
+        lock(&self.fault).as_ref().map_or(Ok(()), |fault| Err(self.error(fault)))
+    }
+
+    /// Does what may fail on the device, such as for want of memory, and returns the failure.
+    pub(super) fn guarded<T>(&self, work: impl FnOnce() -> Result<T>) -> Result<T> {
+        use wgpu::ErrorFilter::{Internal, OutOfMemory, Validation};
+        let scopes = [Internal, Validation, OutOfMemory].map(|filter| self.device.push_error_scope(filter));
+        let result = work();
+        // The last one that was pushed is popped first.
+        let errors = scopes.into_iter().rev().map(|scope| pollster::block_on(scope.pop()));
+        let errors: Vec<wgpu::Error> = errors.collect::<Vec<_>>().into_iter().flatten().collect();
+        let value = result?;
+        self.check()?;
+        match errors.first() {
+            None => Ok(value),
+            Some(wgpu::Error::OutOfMemory { .. }) => {
+                Err(self.error("not enough memory on the device; use a smaller picture, or device=\"cpu\""))
+            }
+            Some(error) => Err(self.error(error)),
+        }
+    }
+
+    /// A buffer of `bytes` bytes for what is called `what`.
+    pub(super) fn buffer(
+        &self,
+        what: &'static str,
+        bytes: usize,
+        usage: wgpu::BufferUsages,
+    ) -> Result<wgpu::Buffer> {
+        self.new_buffer(what, bytes, usage, false)
+    }
+
+    /// A storage buffer of `values`.
+    pub(super) fn upload<T: Pod>(&self, what: &'static str, values: &[T]) -> Result<wgpu::Buffer> {
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+        self.filled(what, bytemuck::cast_slice(values), usage)
+    }
+
+    /// A buffer of these bytes.
+    pub(super) fn filled(
+        &self,
+        what: &'static str,
+        bytes: &[u8],
+        usage: wgpu::BufferUsages,
+    ) -> Result<wgpu::Buffer> {
+        let buffer = self.new_buffer(what, bytes.len(), usage, true)?;
+        let mut mapped = buffer.get_mapped_range_mut(..).map_err(|error| self.error(error))?;
+        mapped.slice(..bytes.len()).copy_from_slice(bytes);
+        drop(mapped);
+        buffer.unmap();
+        Ok(buffer)
+    }
+
+    fn new_buffer(
+        &self,
+        what: &'static str,
+        bytes: usize,
+        usage: wgpu::BufferUsages,
+        mapped_at_creation: bool,
+    ) -> Result<wgpu::Buffer> {
+        // Bindings are never empty, and mapped buffers end with a whole word.
+        let size = (bytes as u64).max(4).next_multiple_of(4);
+        let most = if usage.contains(wgpu::BufferUsages::STORAGE) {
+            self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size)
+        } else {
+            self.limits.max_buffer_size
+        };
+        if size > most {
+            return Err(self.error(format!(
+                "{what} would need {} MiB in one piece, and the device allows {} MiB; use a smaller picture, or \
+                 device=\"cpu\"",
+                mebibytes(size),
+                mebibytes(most)
+            )));
+        }
+        let descriptor = wgpu::BufferDescriptor { label: Some(what), size, usage, mapped_at_creation };
+        Ok(self.device.create_buffer(&descriptor))
+    }
+
+    /// The pipeline of a shader, compiled on its first use.
+    pub(super) fn pipeline(
+        &self,
+        shader: &Shader,
+        channels: usize,
+        layout: &wgpu::BindGroupLayout,
+    ) -> Arc<wgpu::ComputePipeline> {
+        let key = (shader.name, channels);
+        if let Some(pipeline) = lock(&self.pipelines).get(&key) {
+            return Arc::clone(pipeline);
+        }
+        let source = wgpu::ShaderSource::Wgsl(shader.source.into());
+        let descriptor = wgpu::ShaderModuleDescriptor { label: Some(shader.name), source };
+        // Counters that end endless loops would keep drivers from unrolling loops.
+        let checks = wgpu::ShaderRuntimeChecks { force_loop_bounding: false, ..Default::default() };
+        // SAFETY: the project's own shaders have no endless loop: each counts up to a bound, and every other check stays.
+        let module = unsafe { self.device.create_shader_module_trusted(descriptor, checks) };
+        let layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some(shader.name),
+            bind_group_layouts: &[Some(layout)],
+            ..Default::default()
+        });
+        let constants = shader.constants(channels);
+        let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(shader.name),
+            layout: Some(&layout),
+            module: &module,
+            entry_point: None,
+            compilation_options: wgpu::PipelineCompilationOptions {
+                constants: &constants,
+                ..Default::default()
+            },
+            cache: None,
+        });
+        Arc::clone(lock(&self.pipelines).entry(key).or_insert(Arc::new(pipeline)))
+    }
+}

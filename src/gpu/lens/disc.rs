@@ -1,0 +1,92 @@
+//! Tiles that see one closed surface of nearly constant depth.
+
+use super::kernels::{Disc, Kernels};
+use super::{Frame, MAX_LOOPS, origin, per_pixel, pixels};
+use crate::cpu::lens::disc::APART;
+use crate::cpu::lens::kernels::{COARSE, FINE, SMALL_PX};
+use crate::error::Result;
+use crate::gpu::commands::Bound::{Read, Write};
+use crate::gpu::commands::Commands;
+use crate::gpu::shader::{Shader, shader, shared};
+
+pub const SUM_ROWS: Shader = shader!("lens/sum_rows", [], [SumParams]);
+pub const DISC: Shader = shader!("lens/disc", ["border", "lens/kernels"], [DiscParams, Tile]);
+
+shared! {
+    /// Of running sums.
+    struct SumParams {
+        size: [u32; 2],
+    }
+}
+
+shared! {
+    /// Of discs.
+    struct DiscParams {
+        size: [u32; 2],
+        s_focus: f32,
+        small_px: f32,
+        fine: f32,
+        coarse: f32,
+        apart: f32,
+        first_step: i32,
+        first_row: u32,
+        end_row: u32,
+        _end: u32,
+    }
+}
+
+shared! {
+    struct Tile {
+        origin: [u32; 2],
+        kernel: i32,
+        _end: u32,
+    }
+}
+
+/// Draws the tiles from the front sheet's `colors`.
+pub fn pass(commands: &mut Commands, frame: &Frame, kernels: &Kernels, colors: &wgpu::Buffer) -> Result<()> {
+    let Frame { cells, plan, picture, .. } = *frame;
+    let gpu = commands.gpu;
+    if kernels.tiles.is_empty() {
+        return Ok(());
+    }
+    let (size, channels) = (cells.size, cells.size.channels);
+    let sums = commands.scratch::<[f32; 4]>("the sums of rows", (size.width + 1) * size.height)?;
+    let buffers = [Read(colors), Write(&sums)];
+    let rows = [size.height as u32, 1, 1];
+    commands.pass(&SUM_ROWS, channels, &SumParams { size: pixels(size) }, &buffers, rows)?;
+
+    let params = DiscParams {
+        size: pixels(size),
+        s_focus: plan.s_focus as f32,
+        small_px: SMALL_PX as f32,
+        fine: FINE as f32,
+        coarse: COARSE as f32,
+        apart: APART as f32,
+        first_step: kernels.first_step,
+        first_row: 0,
+        end_row: 0,
+        _end: 0,
+    };
+    let tile = |&(at, disc): &((usize, usize), Disc)| {
+        let kernel = match disc {
+            Disc::Same(kernel) => kernel as i32,
+            Disc::Own => -1,
+        };
+        Tile { origin: origin(at), kernel, _end: 0 }
+    };
+    let tiles: Vec<Tile> = kernels.tiles.iter().map(tile).collect();
+    let groups = per_pixel(tiles.len());
+    let tiles = gpu.upload("the tiles of one surface", &tiles)?;
+    let words = gpu.upload("the discs", &kernels.words)?;
+    let buffers =
+        [Read(colors), Read(&sums), Read(&cells.shifts), Read(&words), Read(&tiles), Write(picture)];
+    // Where a pixel lies between two discs, it has both.
+    let rows_at_once = (MAX_LOOPS / (2 * (1 + kernels.widest_row))).max(1);
+    for first_row in (0..kernels.most_rows).step_by(rows_at_once) {
+        let end_row = (first_row + rows_at_once) as u32;
+        let params = DiscParams { first_row: first_row as u32, end_row, ..params };
+        commands.pass(&DISC, channels, &params, &buffers, groups)?;
+    }
+    Ok(())
+}

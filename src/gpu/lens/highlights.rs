@@ -1,0 +1,121 @@
+//! Bright points.
+
+use super::kernels::Kernels;
+use super::{Frame, MAX_LOOPS, origin, per_pixel, pixels};
+use crate::cpu::lens::blocks::BLOCK;
+use crate::cpu::lens::highlights::Highlights;
+use crate::error::Result;
+use crate::gpu::commands::Bound::{Read, Write};
+use crate::gpu::commands::Commands;
+use crate::gpu::shader::{Shader, shader, shared};
+
+pub const HIGHLIGHTS: Shader =
+    shader!("lens/highlights", ["border", "lens/cells", "lens/kernels"], [HighlightsParams, Highlight, Tile]);
+
+shared! {
+    struct HighlightsParams {
+        size: [u32; 2],
+        padded: [u32; 2],
+        pad: i32,
+        block: i32,
+        sheets: u32,
+        s_focus: f32,
+        reach_px: f32,
+        s_min: f32,
+        step: f32,
+        _end: u32,
+    }
+}
+
+shared! {
+    struct Highlight {
+        light: [f32; 4],
+        place: [i32; 2],
+        t: f32,
+        code: u32,
+        kernel: u32,
+        _end: [u32; 3],
+    }
+}
+
+shared! {
+    struct Tile {
+        origin: [u32; 2],
+        first: u32,
+        count: u32,
+    }
+}
+
+/// Adds all highlights to the picture.
+pub fn pass(
+    commands: &mut Commands,
+    frame: &Frame,
+    kernels: &Kernels,
+    highlights: &Highlights,
+) -> Result<()> {
+    let Frame { cells, codes, plan, picture } = *frame;
+    let gpu = commands.gpu;
+    if highlights.all.is_empty() {
+        return Ok(());
+    }
+    let pad = plan.padding.pad as i32;
+    // Each highlight is asked for its weight and followed along a ray.
+    let loops_each = plan.reach_px.ceil() as usize * 2 * (1 + cells.sheets) + kernels.widest_row + 2;
+    let at_once = (MAX_LOOPS / loops_each).max(1);
+    let mut lists: Vec<u32> = Vec::new();
+    let mut passes: Vec<Vec<Tile>> = Vec::new();
+    for (tile, list) in plan.tiles.iter().zip(&highlights.by_tile) {
+        for (i, part) in list.chunks(at_once).enumerate() {
+            passes.resize_with(passes.len().max(i + 1), Vec::new);
+            let (first, count) = (lists.len() as u32, part.len() as u32);
+            passes[i].push(Tile { origin: origin(tile.origin), first, count });
+            lists.extend(part);
+        }
+    }
+    let all: Vec<Highlight> = highlights
+        .all
+        .iter()
+        .zip(&kernels.of_highlights)
+        .map(|(highlight, &kernel)| Highlight {
+            light: highlight.excess,
+            place: [highlight.x - pad, highlight.y - pad],
+            t: highlight.t as f32,
+            code: codes.encode((highlight.t + plan.s_focus) as f32).into(),
+            kernel: kernel as u32,
+            _end: [0; 3],
+        })
+        .collect();
+    let nearest: Vec<u32> = plan.blocks.range.iter().map(|(_, nearest)| u32::from(*nearest)).collect();
+    let params = HighlightsParams {
+        size: pixels(cells.size),
+        padded: [plan.padding.stride as u32, plan.padding.rows as u32],
+        pad,
+        block: BLOCK as i32,
+        sheets: cells.sheets as u32,
+        s_focus: plan.s_focus as f32,
+        reach_px: plan.reach_px as f32,
+        s_min: codes.s_min as f32,
+        step: codes.step() as f32,
+        _end: 0,
+    };
+    let words = gpu.upload("the discs", &kernels.words)?;
+    let all = gpu.upload("the highlights", &all)?;
+    let lists = gpu.upload("the highlights of tiles", &lists)?;
+    let nearest = gpu.upload("the depths of blocks", &nearest)?;
+    for tiles in passes {
+        let groups = per_pixel(tiles.len());
+        let tiles = gpu.upload("the tiles with highlights", &tiles)?;
+        let buffers = [
+            Read(&cells.codes),
+            Read(&cells.half_planes),
+            Read(&words),
+            Read(&all),
+            Read(&tiles),
+            Read(&lists),
+            Read(&nearest),
+            Write(picture),
+        ];
+        commands.pass(&HIGHLIGHTS, cells.size.channels, &params, &buffers, groups)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,142 @@
+//! The discs of a frame as words: see `shaders/lens/kernels.wgsl`.
+
+use crate::aperture::{Aperture, Kernel};
+use crate::cpu::lens::Sheets;
+use crate::cpu::lens::disc::{APART, only_shift, steps};
+use crate::cpu::lens::highlights::Highlights;
+use crate::cpu::lens::kernels;
+use crate::cpu::lens::plan::Plan;
+use crate::cpu::lens::tiles::Work;
+use rayon::prelude::*;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Words of a head, of a row and of a single pixel.
+const HEAD: usize = 4;
+const ROW: usize = 4;
+const PARTIAL: usize = 2;
+
+/// The disc of one tile.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Disc {
+    /// All its pixels have this kernel.
+    Same(usize),
+    /// Each pixel has its own, by its depth.
+    Own,
+}
+
+/// All kernels that a frame needs.
+pub struct Kernels {
+    pub words: Vec<u32>,
+    /// The most rows that any kernel has.
+    pub most_rows: usize,
+    /// The most single pixels that any row has.
+    pub widest_row: usize,
+    /// The disc that kernel 0 is, in steps of [`APART`]; the following ones are those of the next steps.
+    pub first_step: i32,
+    /// The tiles that are discs.
+    pub tiles: Vec<((usize, usize), Disc)>,
+    /// For each highlight its kernel.
+    pub of_highlights: Vec<usize>,
+}
+
+impl Kernels {
+    pub fn new(sheets: &Sheets, plan: &Plan, highlights: &Highlights, aperture: &Aperture) -> Kernels {
+        let s = &sheets.sheets[0].s;
+        // Tiles of one depth have exactly their own disc; others share discs by steps of radius.
+        let discs = plan.tiles.par_iter().filter(|tile| tile.work == Work::Disc);
+        let flat: Vec<_> = discs.map(|tile| (tile.origin, only_shift(s, sheets.size, tile.origin))).collect();
+        let tilted = flat.iter().filter(|(_, shift)| shift.is_none());
+        let gathered: BTreeSet<i32> =
+            tilted.flat_map(|(origin, _)| steps(s, sheets.size, plan.s_focus, *origin)).collect();
+        let keys: Vec<i32> = highlights.shifts().map(kernels::key).collect();
+
+        let by_key = kernels::Kernels::new(aperture, gathered.iter().chain(&keys).copied().collect());
+        let nothing = Kernel { reach: 0, run_weight: 0.0, rows: Vec::new() };
+        let first_step = gathered.first().map_or(0, |key| key / APART);
+        let last_step = gathered.last().map_or(-1, |key| key / APART);
+        let mut all: Vec<&Kernel> = (first_step..=last_step)
+            .map(|step| if gathered.contains(&(step * APART)) { by_key.get(step * APART) } else { &nothing })
+            .collect();
+        let of_key: BTreeMap<i32, usize> = by_key.iter().map(|(key, _)| key).zip(all.len()..).collect();
+        all.extend(by_key.iter().map(|(_, kernel)| kernel));
+
+        let shifts: BTreeSet<u32> = flat.iter().filter_map(|(_, shift)| shift.map(f32::to_bits)).collect();
+        let of_shift: BTreeMap<u32, usize> = shifts.iter().copied().zip(all.len()..).collect();
+        let exact: Vec<Kernel> = shifts
+            .into_iter()
+            .collect::<Vec<_>>()
+            .into_par_iter()
+            .map(|bits| aperture.kernel(f64::from(f32::from_bits(bits)) - plan.s_focus))
+            .collect();
+        all.extend(&exact);
+
+        let disc = |shift: Option<f32>| shift.map_or(Disc::Own, |s| Disc::Same(of_shift[&s.to_bits()]));
+        Kernels {
+            words: words(&all),
+            most_rows: all.iter().map(|kernel| kernel.rows.len()).max().unwrap_or(0),
+            widest_row: all
+                .iter()
+                .flat_map(|kernel| &kernel.rows)
+                .map(|row| row.partial.len())
+                .max()
+                .unwrap_or(0),
+            first_step,
+            tiles: flat.iter().map(|&(origin, shift)| (origin, disc(shift))).collect(),
+            of_highlights: keys.iter().map(|key| of_key[key]).collect(),
+        }
+    }
+}
+
+/// Heads, then rows, then single pixels, each with the index of the words it points to.
+fn words(kernels: &[&Kernel]) -> Vec<u32> {
+    let rows = kernels.iter().map(|kernel| kernel.rows.len()).sum::<usize>();
+    let (first_row, first_partial) = (HEAD * kernels.len(), HEAD * kernels.len() + ROW * rows);
+    let (mut heads, mut rows, mut partials) = (Vec::new(), Vec::new(), Vec::new());
+    for kernel in kernels {
+        let first_dy = kernel.rows.first().map_or(0, |row| row.dy);
+        heads.extend([
+            (first_row + rows.len()) as u32,
+            kernel.rows.len() as u32,
+            first_dy.cast_unsigned(),
+            kernel.run_weight.to_bits(),
+        ]);
+        for row in &kernel.rows {
+            rows.extend([
+                row.run.0.cast_unsigned(),
+                row.run.1.cast_unsigned(),
+                (first_partial + partials.len()) as u32,
+                row.partial.len() as u32,
+            ]);
+            partials
+                .extend(row.partial.iter().flat_map(|&(dx, weight)| [dx.cast_unsigned(), weight.to_bits()]));
+        }
+    }
+    debug_assert!(partials.len() % PARTIAL == 0);
+    [heads, rows, partials].concat()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_point_to_the_rows_and_pixels_of_each_kernel() {
+        let kernels = [2.3, 0.0, 5.1].map(|t| Aperture::DISC.kernel(t));
+        let words = words(&kernels.each_ref());
+        for (i, kernel) in kernels.iter().enumerate() {
+            let head = &words[HEAD * i..][..HEAD];
+            assert_eq!(head[1] as usize, kernel.rows.len());
+            assert_eq!(head[3], kernel.run_weight.to_bits());
+            for (j, row) in kernel.rows.iter().enumerate() {
+                // Rows follow one another without a gap.
+                assert_eq!(head[2].cast_signed() + j as i32, row.dy);
+                let own = &words[head[0] as usize + ROW * j..][..ROW];
+                assert_eq!((own[0].cast_signed(), own[1].cast_signed()), row.run);
+                let partial = words[own[2] as usize..][..PARTIAL * own[3] as usize].chunks(PARTIAL);
+                let partial: Vec<_> =
+                    partial.map(|pair| (pair[0].cast_signed(), f32::from_bits(pair[1]))).collect();
+                assert_eq!(partial, row.partial);
+            }
+        }
+    }
+}

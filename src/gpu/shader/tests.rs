@@ -1,0 +1,123 @@
+use super::Shader;
+use crate::gpu::{gaussian, lens, resolve, taps};
+use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
+use naga::{Module, ShaderStage, TypeInner, front::wgsl};
+use std::path::Path;
+
+/// Every shader there is.
+const SHADERS: [Shader; 14] = [
+    gaussian::HALVE,
+    gaussian::BLUR_X,
+    gaussian::BLUR_Y,
+    gaussian::COMPOSITE,
+    lens::COPY,
+    lens::colors::PATCH,
+    lens::colors::WIDEN,
+    lens::colors::SHARPEN,
+    lens::disc::SUM_ROWS,
+    lens::disc::DISC,
+    lens::sweep::SWEEP,
+    lens::highlights::HIGHLIGHTS,
+    resolve::RESOLVE,
+    taps::TAPS,
+];
+
+/// Only what every GPU can do.
+fn validated(shader: &Shader) -> (Module, ModuleInfo) {
+    let module = wgsl::parse_str(shader.source)
+        .unwrap_or_else(|error| panic!("{}", error.emit_to_string(shader.source)));
+    let info = Validator::new(ValidationFlags::all(), Capabilities::empty())
+        .validate(&module)
+        .unwrap_or_else(|error| panic!("{}: {}", shader.name, error.emit_to_string(shader.source)));
+    (module, info)
+}
+
+fn files(folder: &Path, found: &mut Vec<(String, String)>) {
+    for entry in std::fs::read_dir(folder).unwrap().map(Result::unwrap) {
+        if entry.path().is_dir() {
+            files(&entry.path(), found);
+        } else {
+            let name = entry.path().with_extension("");
+            let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders");
+            let name = name.strip_prefix(root).unwrap().to_str().unwrap().replace('\\', "/");
+            found.push((name, std::fs::read_to_string(entry.path()).unwrap()));
+        }
+    }
+}
+
+#[test]
+fn every_shader_is_tested_here_and_has_one_entry_point() {
+    let mut found = Vec::new();
+    files(&Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders"), &mut found);
+    for (name, text) in found {
+        let entries = text.matches("@compute").count();
+        let tested = SHADERS.iter().filter(|shader| shader.name == name).count();
+        assert!(entries <= 1 && entries == tested, "{name}: {entries} entry points, tested {tested} times");
+    }
+    for shader in &SHADERS {
+        assert_eq!(validated(shader).0.entry_points.len(), 1, "{}", shader.name);
+    }
+}
+
+#[test]
+fn structures_lie_as_in_rust() {
+    for shader in &SHADERS {
+        let (module, _) = validated(shader);
+        for layout in shader.shared {
+            // Several shaders have parameters of their own, all of that name in WGSL.
+            let name = if layout.name.ends_with("Params") { "Params" } else { layout.name };
+            let found = module.types.iter().find_map(|(_, ty)| match &ty.inner {
+                TypeInner::Struct { members, span } if ty.name.as_deref() == Some(name) => {
+                    Some((members, span))
+                }
+                _ => None,
+            });
+            let (members, span) = found.unwrap_or_else(|| panic!("{}: no {name}", shader.name));
+            let offset = |member: &naga::StructMember| (member.name.clone().unwrap(), member.offset as usize);
+            let wgsl: Vec<_> = members.iter().map(offset).collect();
+            let fields = layout.fields.iter().filter(|(field, _)| !field.starts_with('_'));
+            let rust: Vec<_> = fields.map(|&(field, offset)| (field.to_owned(), offset)).collect();
+            assert_eq!(wgsl, rust, "{}: {}", shader.name, layout.name);
+            assert_eq!((*span as usize).next_multiple_of(4), layout.size, "{}: {}", shader.name, layout.name);
+        }
+    }
+}
+
+#[test]
+fn shaders_are_portable() {
+    for shader in &SHADERS {
+        let (module, info) = validated(shader);
+        let entry = &module.entry_points[0];
+        assert_eq!(entry.stage, ShaderStage::Compute);
+        let threads: u32 = entry.workgroup_size.iter().product();
+        assert!(threads <= 256, "{}: {threads} threads in a workgroup", shader.name);
+        let storage = module
+            .global_variables
+            .iter()
+            .filter(|(_, variable)| matches!(variable.space, naga::AddressSpace::Storage { .. }));
+        assert!(storage.count() <= 8, "{}: more than 8 storage buffers", shader.name);
+        for channels in 1..=4 {
+            translate(shader, &module, &info, channels);
+        }
+    }
+}
+
+/// Into the languages of Vulkan, Metal and Direct3D.
+fn translate(shader: &Shader, module: &Module, info: &ModuleInfo, channels: usize) {
+    use naga::back::{PipelineConstants, hlsl, msl, pipeline_constants::process_overrides, spv};
+    let constants = shader.constants(channels).into_iter();
+    let constants: PipelineConstants = constants.map(|(name, value)| (name.to_owned(), value)).collect();
+    let (module, info) = process_overrides(module, info, None, &constants).unwrap();
+
+    spv::write_vec(&module, &info, &spv::Options::default(), None)
+        .unwrap_or_else(|error| panic!("{} to SPIR-V: {error}", shader.name));
+    let options = hlsl::Options { fake_missing_bindings: true, ..Default::default() };
+    let pipeline = hlsl::PipelineOptions::default();
+    let mut text = String::new();
+    hlsl::Writer::new(&mut text, &options, &pipeline)
+        .write(&module, &info, None)
+        .unwrap_or_else(|error| panic!("{} to HLSL: {error}", shader.name));
+    let options = msl::Options { fake_missing_bindings: true, ..Default::default() };
+    msl::write_string(&module, &info, &options, &msl::PipelineOptions::default())
+        .unwrap_or_else(|error| panic!("{} to Metal: {error}", shader.name));
+}

@@ -1,0 +1,67 @@
+//! Carries out [`plan::taps`](crate::plan::taps).
+
+use super::commands::Bound::{Read, Write};
+use super::commands::{Commands, groups};
+use super::resident::Resident;
+use super::shader::{Defocus, Shader, shader, shared};
+use crate::error::Result;
+use crate::optics::Optics;
+use crate::plan::taps::{MAX_BLUR, Plan, Settings};
+
+pub const TAPS: Shader = shader!("taps", ["border", "picture", "defocus"], [Params, Tap, Defocus]);
+
+shared! {
+    struct Params {
+        size: [u32; 2],
+        count: u32,
+        mix: u32,
+        share: f32,
+        max_blur: f32,
+        _gap: [u32; 2],
+        defocus: Defocus,
+        _end: u32,
+    }
+}
+
+shared! {
+    struct Tap {
+        dx: [i32; 4],
+        dy: [i32; 4],
+        weight: [f32; 4],
+    }
+}
+
+impl From<&crate::plan::taps::Tap> for Tap {
+    fn from(tap: &crate::plan::taps::Tap) -> Tap {
+        let pixel = |i: usize| tap.pixels.get(i).copied().unwrap_or_default();
+        let at: [usize; 4] = std::array::from_fn(|i| i);
+        Tap { dx: at.map(|i| pixel(i).0), dy: at.map(|i| pixel(i).1), weight: at.map(|i| pixel(i).2) }
+    }
+}
+
+/// The picture.
+pub fn render(
+    commands: &mut Commands,
+    scene: &Resident,
+    optics: &Optics,
+    settings: &Settings,
+) -> Result<wgpu::Buffer> {
+    let plan = Plan::new(settings, optics);
+    let size = scene.size;
+    let taps: Vec<Tap> = plan.taps.iter().map(Tap::from).collect();
+    let params = Params {
+        size: [size.width as u32, size.height as u32],
+        count: taps.len() as u32,
+        mix: plan.mix as u32,
+        share: plan.share,
+        max_blur: MAX_BLUR as f32,
+        _gap: [0; 2],
+        defocus: plan.defocus().into(),
+        _end: 0,
+    };
+    let taps = commands.gpu.upload("the table of look-ups", &taps)?;
+    let picture = commands.output(size)?;
+    let buffers = [Read(&scene.color), Read(&scene.disparity), Read(&taps), Write(&picture)];
+    commands.pass(&TAPS, size.channels, &params, &buffers, groups(size.width, size.height))?;
+    Ok(picture)
+}

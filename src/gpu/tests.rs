@@ -1,0 +1,134 @@
+//! What goes wrong on a device is an error, after which the next call works. Nothing is tested where there is no
+//! adapter; `tests/test_devices.py` counts what runs.
+
+use super::adapters;
+use super::commands::Commands;
+use super::device::Gpu;
+use super::process::OfProcess;
+use crate::cancel::Cancel;
+use crate::cpu::simd::Simd;
+use crate::device::Device;
+use crate::error::Error;
+use crate::optics::Optics;
+use crate::picture::{Layer, Picture, Size};
+use crate::plan::taps::{Settings, Variant};
+use crate::render::{Method, Scene};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Each test has the devices for itself, because it breaks them.
+static ALONE: Mutex<()> = Mutex::new(());
+
+const OPTICS: Optics = Optics { k: 4.0, d_focus: 0.5 };
+
+fn picture(width: usize, height: usize) -> Picture {
+    let size = Size { width, height, channels: 3 };
+    let value = |i: usize| ((i * 7919) % 1000) as f32 / 1000.0;
+    let color = Arc::new((0..3 * size.pixels()).map(value).collect());
+    Picture { size, layers: vec![Layer { color, disparity: (0..size.pixels()).map(value).collect() }] }
+}
+
+fn taps() -> Method {
+    Method::Taps(Settings::new(Variant::Thirteen, None).unwrap())
+}
+
+fn render(scene: &Scene, device: Device) -> crate::error::Result<Vec<f32>> {
+    let rendered = scene.render_each(&[OPTICS], &taps(), device, Simd::Portable, &Cancel::default())?;
+    Ok(rendered.into_iter().next().unwrap().pixels)
+}
+
+/// Runs a test on the first adapter, if there is one.
+fn on_adapter(test: impl FnOnce()) {
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    if adapters::all().is_empty() {
+        println!("SKIPPED: there is no adapter");
+    } else {
+        test();
+    }
+}
+
+#[test]
+fn a_device_that_was_lost_is_an_error_and_then_another_is_opened() {
+    on_adapter(|| {
+        let scene = Scene::new(picture(300, 200), 1);
+        let expected = render(&scene, Device::Gpu(0)).unwrap();
+        let gpu = Gpu::open(0).unwrap();
+        gpu.device.destroy();
+        // The loss may be noticed by the call that it spoils, or before the next one.
+        let first = render(&scene, Device::Gpu(0));
+        if let Err(error) = &first {
+            assert!(matches!(error, Error::Device(_)), "{error:?}");
+        }
+        assert_eq!(render(&scene, Device::Gpu(0)).unwrap(), expected);
+        assert!(!Arc::ptr_eq(&gpu, &Gpu::open(0).unwrap()));
+    });
+}
+
+#[test]
+fn a_device_that_is_lost_while_it_works_is_an_error() {
+    on_adapter(|| {
+        let gpu = Gpu::open(0).unwrap();
+        let residence = super::Residence::default();
+        let source = super::Source {
+            picture: &picture(1500, 1000),
+            residence: &residence,
+            sheets: |_: &Optics| Err(Error::Cancelled),
+            supersample: 1,
+        };
+        let cancel = Cancel::default();
+        let pending = super::start(&gpu, &source, &OPTICS, &taps(), Simd::Portable, &cancel).unwrap();
+        gpu.device.destroy();
+        let error = pending.wait(&cancel).err();
+        assert!(matches!(error, Some(Error::Device(_))), "{error:?}");
+        gpu.retire();
+        assert!(
+            super::start(&Gpu::open(0).unwrap(), &source, &OPTICS, &taps(), Simd::Portable, &cancel).is_ok()
+        );
+    });
+}
+
+#[test]
+fn a_wait_can_be_cancelled() {
+    on_adapter(|| {
+        let scene = Scene::new(picture(2000, 1500), 1);
+        let cancel = Cancel::default();
+        cancel.cancel();
+        let result = scene.render_each(&[OPTICS], &taps(), Device::Gpu(0), Simd::Portable, &cancel);
+        // A device that is done before the first look has nothing to cancel.
+        assert!(matches!(result, Ok(_) | Err(Error::Cancelled)), "{:?}", result.err());
+        assert!(render(&scene, Device::Gpu(0)).is_ok());
+    });
+}
+
+#[test]
+fn what_does_not_fit_is_refused_with_its_size() {
+    on_adapter(|| {
+        let gpu = Gpu::open(0).unwrap();
+        let most = gpu.limits.max_storage_buffer_binding_size.min(gpu.limits.max_buffer_size);
+        let text = Commands::new(&gpu).scratch::<u8>("the test", most as usize + 1).unwrap_err().to_string();
+        let mebibytes = format!("the device allows {} MiB", most.div_ceil(1 << 20));
+        assert!(text.contains("the test would need") && text.contains(&mebibytes), "{text}");
+    });
+}
+
+#[test]
+fn what_the_device_refuses_is_an_error_and_no_panic() {
+    on_adapter(|| {
+        let gpu = Gpu::open(0).unwrap();
+        let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::STORAGE;
+        let refused = gpu.guarded(|| gpu.buffer("the test", 16, usage));
+        assert!(matches!(refused, Err(Error::Device(_))));
+        // The same without a scope around it.
+        drop(gpu.buffer("the test", 16, usage));
+        assert!(matches!(gpu.check(), Err(Error::Device(_))));
+        assert!(!Arc::ptr_eq(&gpu, &Gpu::open(0).unwrap()));
+    });
+}
+
+#[test]
+fn values_of_a_process_are_dropped_in_it() {
+    let value = Arc::new(());
+    let owned = OfProcess::new(Arc::clone(&value));
+    assert!(owned.get().is_some());
+    drop(owned);
+    assert_eq!(Arc::strong_count(&value), 1);
+}

@@ -1,0 +1,76 @@
+//! `dofsim.devices`, and the words that name a device.
+
+use crate::device::Device;
+use crate::gpu::adapters;
+use pyo3::prelude::*;
+
+/// The environment variable that says what "auto" and "gpu" stand for.
+const VARIABLE: &str = "DOFSIM_DEVICE";
+
+/// An adapter that can be computed on; `devices` lists them.
+///
+/// Attributes
+/// ----------
+/// id : str
+///     ``"gpu:0"`` and so on, to be given as `device`.
+/// name : str
+///     What it is called; it can be given as `device` too.
+/// kind : {"discrete", "integrated", "virtual", "software", "other"}
+///     Of what make it is. A software rasteriser does the work on the CPU.
+/// backend : {"vulkan", "metal", "dx12"}
+///     The interface that it is reached by.
+/// driver : str
+///     Its driver.
+/// max_buffer_bytes, max_binding_bytes : int
+///     The largest buffer, and how much of one a pass can see.
+#[pyclass(name = "Device", module = "dofsim", frozen, eq, get_all)]
+#[derive(Debug, Clone, PartialEq)]
+pub struct PyDevice {
+    id: String,
+    name: String,
+    kind: &'static str,
+    backend: String,
+    driver: String,
+    max_buffer_bytes: u64,
+    max_binding_bytes: u64,
+}
+
+#[pymethods]
+impl PyDevice {
+    fn __repr__(&self) -> String {
+        let PyDevice { id, name, kind, backend, .. } = self;
+        format!("<dofsim.Device {id}: {name} ({kind}, {backend})>")
+    }
+}
+
+/// The adapters of this machine.
+///
+/// Returns
+/// -------
+/// list of Device
+///     In the order of their numbers; empty if no driver is installed. They are looked for once a process.
+///
+/// Examples
+/// --------
+/// >>> import dofsim
+/// >>> real = [device.name for device in dofsim.devices() if device.kind != "software"]
+#[pyfunction]
+pub fn devices(py: Python<'_>) -> Vec<PyDevice> {
+    let all = py.detach(adapters::all);
+    let device = |(i, adapter): (usize, &adapters::Adapter)| PyDevice {
+        id: format!("gpu:{i}"),
+        name: adapter.name.clone(),
+        kind: adapter.kind.name(),
+        backend: adapter.backend.clone(),
+        driver: adapter.driver.clone(),
+        max_buffer_bytes: adapter.max_buffer_bytes,
+        max_binding_bytes: adapter.max_binding_bytes,
+    };
+    all.iter().enumerate().map(device).collect()
+}
+
+/// The device that an argument names.
+pub fn read_device(py: Python<'_>, name: &str) -> PyResult<Device> {
+    let preset = std::env::var(VARIABLE).ok().filter(|preset| !preset.is_empty());
+    Ok(py.detach(|| Device::named(name, preset.as_deref()))?)
+}

@@ -1,0 +1,139 @@
+"""The transform and the data set for PyTorch."""
+
+import dofsim
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+tv_tensors = pytest.importorskip("torchvision.tv_tensors")
+v2 = pytest.importorskip("torchvision.transforms.v2")
+
+from dofsim.torch import Depth, DepthOfField, RandomDepthOfField  # noqa: E402
+
+LENS = dofsim.Lens(aperture_radius=0.01, focus_distance=1.0, fov=40.0)
+
+
+@pytest.fixture
+def sample():
+    generator = torch.Generator().manual_seed(3)
+    image = tv_tensors.Image(torch.rand(3, 24, 32, generator=generator))
+    return {"image": image, "depth": Depth(torch.rand(24, 32, generator=generator) + 1.0), "label": 7}
+
+
+def blur(**options):
+    return RandomDepthOfField(LENS, **{"max_coc_px": (2.0, 8.0), **options})
+
+
+def test_it_is_render_with_the_lens_that_was_drawn(sample):
+    transform = blur(method="poisson", taps=20)
+    torch.manual_seed(5)
+    lens = transform.draw(sample["depth"])
+    torch.manual_seed(5)
+    out = transform(sample)
+    expected = dofsim.render(
+        sample["image"].numpy().transpose(1, 2, 0), sample["depth"].numpy(), lens, method="poisson", taps=20
+    )
+    np.testing.assert_array_equal(out["image"].numpy().transpose(1, 2, 0), expected)
+    assert type(out["image"]) is tv_tensors.Image
+    assert torch.equal(out["depth"], sample["depth"])
+    assert out["label"] == 7
+
+
+def test_the_largest_radius_is_in_range_and_varies(sample):
+    transform = blur(depth_to="coc", max_coc_px=(3.0, 5.0))
+    radii = [float(transform(sample)["depth"].abs().max()) for _ in range(20)]
+    assert 3.0 - 1e-4 <= min(radii) < 3.5
+    assert 4.5 < max(radii) <= 5.0 + 1e-4
+
+
+def test_the_focus_is_a_random_pixel(sample):
+    transform = blur(depth_to="coc")
+    sharp = {int(transform(sample)["depth"].abs().argmin()) for _ in range(10)}
+    assert len(sharp) > 5
+
+
+def test_closed_is_the_identity(sample):
+    assert torch.equal(blur(max_coc_px=(0.0, 0.0))(sample)["image"], sample["image"])
+
+
+def test_relative_disparity(sample):
+    lens = dofsim.Lens.from_disparity(strength_px=1.0, focus=0.0)
+    transform = RandomDepthOfField(lens, max_coc_px=(4.0, 4.0), depth_to="coc", depth_kind="disparity")
+    signed = {**sample, "depth": Depth(sample["depth"] - 1.5)}
+    assert float(transform(signed)["depth"].abs().max()) == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize("dtype", [torch.float16, torch.float32, torch.float64, torch.uint8])
+def test_types_are_kept(sample, dtype):
+    scale = 255 if dtype == torch.uint8 else 1
+    image = tv_tensors.Image((sample["image"] * scale).to(dtype))
+    out = blur()({**sample, "image": image})["image"]
+    assert (out.dtype, out.shape) == (dtype, image.shape)
+    assert not torch.equal(out, image)
+
+
+def test_batches_go_through_one_lens(sample):
+    images = tv_tensors.Image(torch.stack([sample["image"], sample["image"].flip(-1)]))
+    depths = Depth(torch.stack([sample["depth"], sample["depth"].flip(-1)]))
+    out = blur(max_coc_px=(4.0, 4.0), depth_to="coc")({"image": images, "depth": depths})
+    assert out["image"].shape == images.shape
+    assert torch.equal(out["depth"][0], out["depth"][1].flip(-1))
+
+
+def test_tensors_are_not_copied(sample, monkeypatch):
+    seen = []
+
+    def render(color, depth, lens, **_):
+        seen.extend(array.__array_interface__["data"][0] for array in (color, depth))
+        return color
+
+    monkeypatch.setattr(dofsim, "render", render)
+    out = blur()(sample)
+    assert seen == [sample["image"].data_ptr(), sample["depth"].data_ptr()]
+    assert out["image"].data_ptr() == sample["image"].data_ptr()
+
+
+def test_other_transforms_take_depth_for_what_it_is(sample):
+    out = v2.Compose([v2.RandomHorizontalFlip(1.0), v2.CenterCrop(16), blur()])(sample)
+    assert type(out["depth"]) is Depth
+    assert torch.equal(out["depth"], sample["depth"].flip(-1)[4:20, 8:24])
+
+
+def test_an_index_is_the_same_picture_with_any_number_of_workers(sample):
+    plain = (sample["image"].as_subclass(torch.Tensor), sample["depth"])
+    data = DepthOfField([plain] * 6, blur(), seed=4)
+    torch.manual_seed(1)
+    expected = [data[i][0] for i in range(6)]
+    torch.manual_seed(2)
+    before = torch.get_rng_state()
+    assert torch.equal(data[-1][0], expected[-1])
+    assert torch.equal(torch.get_rng_state(), before)
+    assert not torch.equal(expected[0], expected[1])
+    for workers in (0, 2):
+        loader = torch.utils.data.DataLoader(data, batch_size=None, num_workers=workers)
+        for (picture, _), one in zip(loader, expected, strict=True):
+            assert torch.equal(picture, one)
+    data.set_epoch(1)
+    assert not torch.equal(data[0][0], expected[0])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"depth": 3.0}, "one dofsim.torch.Depth and one picture; got 0 and 1"),
+        ({"image": "none"}, "one dofsim.torch.Depth and one picture; got 1 and 0"),
+        ({"depth": Depth(torch.full((24, 32), torch.inf))}, "no pixel to focus on"),
+        ({"depth": Depth(torch.ones(24, 31))}, "the picture must have shape"),
+    ],
+)
+def test_samples_that_are_none(sample, change, message):
+    with pytest.raises(ValueError, match=message):
+        blur()({**sample, **change})
+
+
+@pytest.mark.parametrize(
+    "options", [{"max_coc_px": (3.0, 2.0)}, {"max_coc_px": (-1.0, 2.0)}, {"depth_to": "disparity"}]
+)
+def test_words_that_are_none(options):
+    with pytest.raises(ValueError, match=next(iter(options))):
+        blur(**options)
