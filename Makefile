@@ -20,11 +20,12 @@ LIBPYTHON = $(shell $(WORK)/bin/python -c 'import sysconfig as s, pathlib as p; 
 	found = (d / (v("LDLIBRARY") or "-")).is_file() or v("PYTHONFRAMEWORK"); print(d if found else "")')
 CARGO = PYO3_PYTHON="$(CURDIR)/$(WORK)/bin/python" cargo
 
-.PHONY: help demo gallery test bench clean
+.PHONY: help demo gallery lenses test bench clean
 
 help:
 	@echo 'make demo     install into $(DEMO) and render the picture that comes with dofsim into dofsim-demo/'
 	@echo 'make gallery  draw that picture with every method into build/gallery/'
+	@echo 'make lenses   draw that picture through twelve lenses into build/lenses/'
 	@echo 'make test     check everything, in $(WORK); with EXTRAS=torch also against PyTorch'
 	@echo 'make bench    speed and memory at 1920 x 1080'
 	@echo 'make clean    remove what these made, but not the ray traced scenes in build/'
@@ -34,6 +35,9 @@ demo: $(DEMO)/.installed
 
 gallery: $(DEMO)/.installed
 	$(DEMO)/bin/python docs/gallery.py build/gallery
+
+lenses: $(DEMO)/.installed
+	$(DEMO)/bin/python docs/lenses.py build/lenses
 
 $(DEMO)/.installed: $(SOURCES)
 	$(PYTHON) -m venv $(DEMO)

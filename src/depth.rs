@@ -4,6 +4,24 @@ use crate::error::{Result, value_error};
 use crate::memory;
 use rayon::prelude::*;
 
+/// Where the pixels of a frame look.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rays {
+    /// Focal length in pixels.
+    pub focal_px: f64,
+    /// The pixel on the optical axis.
+    pub centre: [f64; 2],
+}
+
+impl Rays {
+    /// How many times as long as its `z` a pixel's ray is.
+    fn length(&self, x: usize, y: usize) -> f64 {
+        let dx = (x as f64 - self.centre[0]) / self.focal_px;
+        let dy = (y as f64 - self.centre[1]) / self.focal_px;
+        (1.0 + dx * dx + dy * dy).sqrt()
+    }
+}
+
 /// How depth values are to be read.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum DepthKind {
@@ -15,6 +33,8 @@ pub enum DepthKind {
     InverseZ,
     /// Relative disparity, for lenses over relative disparity.
     Disparity,
+    /// Relative disparity of any scale, to be brought to 0 (far) to 1 (near); see [`normalize`].
+    Relative,
     /// Post-projection depth in 0 (near) to 1 (far).
     ZBuffer {
         /// Near clip plane in metres.
@@ -38,7 +58,7 @@ impl DepthKind {
             DepthKind::Z => positive(v)?.recip(),
             DepthKind::Distance => ray_length / positive(v)?,
             DepthKind::InverseZ => not_negative(v)?,
-            DepthKind::Disparity => v,
+            DepthKind::Disparity | DepthKind::Relative => v,
             // 1/z is affine in post-projection depth: 1/near at 0, 1/far at 1.
             DepthKind::ZBuffer { near, far } => {
                 let v = (0.0..=1.0).contains(&v).then_some(v)?;
@@ -60,7 +80,7 @@ impl DepthKind {
         match self {
             DepthKind::Z | DepthKind::Distance => "depths greater than 0 (infinity is background)",
             DepthKind::InverseZ => "inverse depths that are finite and not negative",
-            DepthKind::Disparity => "finite disparities",
+            DepthKind::Disparity | DepthKind::Relative => "finite disparities",
             DepthKind::ZBuffer { .. } => "values from 0 to 1",
             DepthKind::DistanceFromNear { .. } => "distances not negative (0 is background)",
         }
@@ -84,29 +104,23 @@ pub enum Invalid {
     Far,
 }
 
-/// Disparity of every pixel of a `width` wide frame.
+/// Disparity of every pixel of a `width` wide frame, NaN where there is none, and how many of these there are.
 ///
-/// `focal_px` is needed by the kinds measured along the ray; the optical axis meets the middle of the frame.
-pub fn disparity_plane(
+/// `rays` are needed by the kinds measured along the ray.
+pub fn disparities(
     depth: &[f32],
-    (width, height): (usize, usize),
+    width: usize,
     kind: DepthKind,
-    focal_px: Option<f64>,
-    invalid: Invalid,
-) -> Result<Vec<f32>> {
-    if kind.needs_rays() && focal_px.is_none() {
+    rays: Option<Rays>,
+) -> Result<(Vec<f32>, usize)> {
+    if kind.needs_rays() && rays.is_none() {
         return Err(value_error!(
             "depth_kind: depth along the ray needs a lens with a field of view; a lens made by from_disparity \
              has none"
         ));
     }
-    let ray_length = |x: usize, y: usize| {
-        focal_px.filter(|_| kind.needs_rays()).map_or(1.0, |f| {
-            let dx = (x as f64 + 0.5 - 0.5 * width as f64) / f;
-            let dy = (y as f64 + 0.5 - 0.5 * height as f64) / f;
-            (1.0 + dx * dx + dy * dy).sqrt()
-        })
-    };
+    let ray_length =
+        |x: usize, y: usize| rays.filter(|_| kind.needs_rays()).map_or(1.0, |rays| rays.length(x, y));
     let mut out: Vec<f32> = memory::zeros(depth.len());
     let bad: usize = out
         .par_chunks_mut(width)
@@ -126,6 +140,21 @@ pub fn disparity_plane(
             bad
         })
         .sum();
+    if kind == DepthKind::Relative {
+        normalize(&mut out);
+    }
+    Ok((out, bad))
+}
+
+/// Disparity of every pixel, as [`disparities`] has it, with something done about those that have none.
+pub fn disparity_plane(
+    depth: &[f32],
+    width: usize,
+    kind: DepthKind,
+    rays: Option<Rays>,
+    invalid: Invalid,
+) -> Result<Vec<f32>> {
+    let (mut out, bad) = disparities(depth, width, kind, rays)?;
     if bad > 0 {
         match invalid {
             Invalid::Raise => {
@@ -142,7 +171,9 @@ pub fn disparity_plane(
             }
             Invalid::Far => {
                 let far = match kind {
-                    DepthKind::Disparity => out.iter().copied().fold(f32::INFINITY, f32::min),
+                    DepthKind::Disparity | DepthKind::Relative => {
+                        out.iter().copied().fold(f32::INFINITY, f32::min)
+                    }
                     _ => 0.0,
                 };
                 let far = if far.is_finite() { far } else { 0.0 };
@@ -153,12 +184,28 @@ pub fn disparity_plane(
     Ok(out)
 }
 
+/// Brings disparity of any scale to 0 to 1, robustly: those are its hundredths smallest and largest, and what lies
+/// beyond stays beyond.
+fn normalize(disparity: &mut [f32]) {
+    let mut valid: Vec<f32> = disparity.iter().copied().filter(|d| !d.is_nan()).collect();
+    if valid.is_empty() {
+        return;
+    }
+    let last = valid.len() - 1;
+    let mut quantile =
+        |hundredths: usize| *valid.select_nth_unstable_by(last * hundredths / 100, f32::total_cmp).1;
+    let (far, near) = (quantile(1), quantile(99));
+    let scale = if near > far { 1.0 / (near - far) } else { 0.0 };
+    disparity.par_iter_mut().for_each(|d| *d = scale * (*d - far));
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn one(kind: DepthKind, v: f32) -> Result<f32> {
-        disparity_plane(&[v], (1, 1), kind, Some(10.0), Invalid::Raise).map(|d| d[0])
+        let rays = Rays { focal_px: 10.0, centre: [0.0; 2] };
+        disparity_plane(&[v], 1, kind, Some(rays), Invalid::Raise).map(|d| d[0])
     }
 
     #[test]
@@ -177,6 +224,19 @@ mod tests {
             let d = one(kind, v).unwrap();
             assert!((d - 1.0 / z).abs() < 1e-6, "{kind:?}: {d}");
         }
+    }
+
+    #[test]
+    fn relative_disparity_comes_from_0_to_1_whatever_its_scale_and_outliers() {
+        let values: Vec<f32> = (0..=1000).map(|i| 40.0 + 3.0 * i as f32).collect();
+        let mut wild = values.clone();
+        (wild[0], wild[1000]) = (-1e6, 1e6);
+        let plane = |v: &[f32]| disparity_plane(v, 7, DepthKind::Relative, None, Invalid::Raise).unwrap();
+        for (i, d) in plane(&wild).into_iter().enumerate().skip(1).take(999) {
+            assert!((d - (i as f32 - 10.0) / 980.0).abs() < 1e-5, "{i}: {d}");
+        }
+        assert_eq!(plane(&values)[1..1000], plane(&wild)[1..1000]);
+        assert_eq!(plane(&[5.0; 9]), [0.0; 9]);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use crate::error::{Error, Result, value_error};
 use crate::gpu;
 use crate::gpu::adapters::{self, Adapter, Kind};
+use crate::optics::Imaging;
 use crate::render::Method;
 
 /// A device as a caller chose it. Adapters are numbered as [`adapters::all`] lists them.
@@ -12,7 +13,7 @@ pub enum Device {
     Cpu,
     /// An adapter, which a caller insists on.
     Gpu(usize),
-    /// An adapter for the methods that have a GPU path, the CPU for the others.
+    /// An adapter for the methods and lenses that have a GPU path, the CPU for the others.
     Either(usize),
 }
 
@@ -50,13 +51,12 @@ impl Device {
         }
     }
 
-    /// Where a method is computed; an error if the device cannot.
-    pub fn place(self, method: &Method) -> Result<Place> {
-        let has_path = gpu::METHODS.contains(&method.name());
+    /// Where a method is computed under some lenses; an error if the device cannot.
+    pub fn place(self, method: &Method, lenses: &[Imaging]) -> Result<Place> {
+        let refused = lenses.iter().find_map(|lens| gpu::refuse(method, lens).err());
         match self {
-            Device::Gpu(adapter) if has_path => Ok(Place::Gpu(adapter)),
-            Device::Gpu(_) => Err(gpu::no_path(method.name())),
-            Device::Either(adapter) if has_path => Ok(Place::Gpu(adapter)),
+            Device::Gpu(adapter) => refused.map_or(Ok(Place::Gpu(adapter)), Err),
+            Device::Either(adapter) if refused.is_none() => Ok(Place::Gpu(adapter)),
             Device::Cpu | Device::Either(_) => Ok(Place::Cpu),
         }
     }

@@ -66,6 +66,33 @@ pub struct Picture {
     pub layers: Vec<Layer>,
 }
 
+impl Picture {
+    /// These channels alone.
+    pub fn of_channels(&self, channels: &[usize]) -> Picture {
+        let n = self.size.pixels();
+        let layers = self.layers.iter().map(|layer| {
+            let color = channels.iter().flat_map(|&c| &layer.color[c * n..][..n]).copied();
+            Layer { color: Arc::new(color.collect()), disparity: layer.disparity.clone() }
+        });
+        Picture { size: Size { channels: channels.len(), ..self.size }, layers: layers.collect() }
+    }
+
+    /// The same picture with `offset(x, y)` taken off its disparity.
+    pub fn less(&self, offset: impl Fn(f64, f64) -> f64 + Sync) -> Picture {
+        let width = self.size.width;
+        let layers = self.layers.iter().map(|layer| {
+            let mut disparity = layer.disparity.clone();
+            disparity.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+                for (x, d) in row.iter_mut().enumerate() {
+                    *d = (f64::from(*d) - offset(x as f64, y as f64)) as f32;
+                }
+            });
+            Layer { color: Arc::clone(&layer.color), disparity }
+        });
+        Picture { size: self.size, layers: layers.collect() }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

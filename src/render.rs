@@ -5,10 +5,11 @@ use crate::cpu::lens::Sheets;
 use crate::cpu::simd::Simd;
 use crate::device::{Device, Place};
 use crate::error::{Result, value_error};
-use crate::optics::{Lens, Optics};
+use crate::optics::{Base, FocusSurface, Imaging, Lens, Optics};
 use crate::picture::Picture;
 use crate::{cpu, gpu, plan};
-use std::sync::{Arc, Mutex};
+use std::borrow::Cow;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// How to compute: each method with its own settings.
 #[derive(Debug, Clone)]
@@ -48,8 +49,9 @@ impl Method {
         self.describe().0
     }
 
-    /// Refuses pictures and lenses that the method cannot work with.
-    pub fn check(&self, lens: &Lens, layers: usize) -> Result<()> {
+    /// Refuses pictures of so many layers and light channels, and lenses, that the method cannot work with. Every
+    /// method honours what the thin lens itself, its focus surface or a whole picture can express.
+    pub fn check(&self, lens: &Lens, layers: usize, lights: usize) -> Result<()> {
         let (name, metric_option) = self.describe();
         if layers > 1 && !matches!(self, Method::Lens(_)) {
             return Err(value_error!(
@@ -57,7 +59,21 @@ impl Method {
                  method=\"lens\""
             ));
         }
-        if let (Some(option), Lens::Relative { .. }) = (metric_option, lens) {
+        if lens.flaws.cat_eye > 0.0 && !matches!(self, Method::Lens(_)) {
+            return Err(value_error!(
+                "lens: cat_eye is for method=\"lens\"; method={name:?} draws the same opening everywhere"
+            ));
+        }
+        for (flaw, values) in
+            [("axial_color", lens.flaws.axial_color), ("lateral_color", lens.flaws.lateral_color)]
+        {
+            if values != [values[0]; 3] && lights != 3 {
+                return Err(value_error!(
+                    "lens: {flaw} needs color of three channels, red, green and blue; got {lights}"
+                ));
+            }
+        }
+        if let (Some(option), Base::Relative { .. }) = (metric_option, lens.base) {
             return Err(value_error!(
                 "{option} is in metres, but the lens was made by Lens.from_disparity, which knows of none"
             ));
@@ -84,83 +100,206 @@ pub struct Rendered {
     pub passes: Vec<PassTime>,
 }
 
+/// A picture as the focus surface of a lens has it, and its sheets for a lens of some strength.
+type Prepared = (f64, FocusSurface, Arc<Sheets>);
+
 /// A picture on its device, with what has been prepared from it.
 pub struct Scene {
-    picture: Picture,
+    picture: Arc<Picture>,
+    /// Channels that hold light, without coverage.
+    lights: usize,
     /// Pixels of the picture to one of the output, along each axis.
     supersample: usize,
-    /// The sheets last used, with the lens strength they were made for.
-    sheets: Mutex<Option<(f64, Arc<Sheets>)>>,
+    /// The picture less the focus surface last used.
+    flattened: Mutex<Option<(FocusSurface, Arc<Picture>)>>,
+    /// The sheets last used.
+    sheets: Mutex<Option<Prepared>>,
     /// The picture on the device last used.
     residence: gpu::Residence,
 }
 
 impl Scene {
-    /// A scene of a picture whose width and height are multiples of `supersample`.
-    pub fn new(picture: Picture, supersample: usize) -> Scene {
-        Scene { picture, supersample, sheets: Mutex::new(None), residence: gpu::Residence::default() }
+    /// A scene of a picture whose width and height are multiples of `supersample`, and whose first `lights` channels
+    /// hold light.
+    pub fn new(picture: Picture, lights: usize, supersample: usize) -> Scene {
+        let picture = Arc::new(picture);
+        Scene {
+            picture,
+            lights,
+            supersample,
+            flattened: Mutex::new(None),
+            sheets: Mutex::new(None),
+            residence: gpu::Residence::default(),
+        }
     }
 
-    /// The sheets for this lens, made anew if those at hand are for another strength.
+    /// The picture for which this focus surface is a plane that faces the camera.
     ///
-    /// The lock is never held over parallel work: a worker that waits inside it may be handed another render of
+    /// No lock is ever held over parallel work: a worker that waits inside it may be handed another render of
     /// the same scene, and would wait for itself.
-    fn sheets(&self, optics: &Optics, simd: Simd, cancel: &Cancel) -> Result<Arc<Sheets>> {
+    fn flattened(&self, surface: &FocusSurface) -> Arc<Picture> {
+        if surface.is_facing() {
+            return Arc::clone(&self.picture);
+        }
         // A poisoned lock only means that another render was interrupted; what it holds is whole or absent.
-        let cached = || self.sheets.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        let at_hand = cached().as_ref().filter(|(k, _)| *k == optics.k).map(|(_, sheets)| Arc::clone(sheets));
+        let cached = || self.flattened.lock().unwrap_or_else(PoisonError::into_inner);
+        let at_hand = cached().as_ref().filter(|(own, _)| own == surface).map(|(_, p)| Arc::clone(p));
+        at_hand.unwrap_or_else(|| {
+            let picture = Arc::new(self.picture.less(|x, y| surface.offset(x, y)));
+            *cached() = Some((*surface, Arc::clone(&picture)));
+            picture
+        })
+    }
+
+    /// The sheets of the flattened picture for this lens, made anew if those at hand are for another.
+    fn sheets(
+        &self,
+        picture: &Picture,
+        surface: &FocusSurface,
+        optics: &Optics,
+        simd: Simd,
+        cancel: &Cancel,
+    ) -> Result<Arc<Sheets>> {
+        let cached = || self.sheets.lock().unwrap_or_else(PoisonError::into_inner);
+        let fits = |(k, own, _): &&Prepared| *k == optics.k && own == surface;
+        let at_hand = cached().as_ref().filter(fits).map(|(_, _, sheets)| Arc::clone(sheets));
         if let Some(sheets) = at_hand {
-            cpu::lens::check_radius(&self.picture, optics)?;
+            cpu::lens::check_radius(picture, optics)?;
             return Ok(sheets);
         }
-        let sheets = Arc::new(cpu::lens::prepare(&self.picture, optics, simd, cancel)?);
-        *cached() = Some((optics.k, Arc::clone(&sheets)));
+        let sheets = Arc::new(cpu::lens::prepare(picture, optics, simd, cancel)?);
+        *cached() = Some((optics.k, *surface, Arc::clone(&sheets)));
         Ok(sheets)
     }
 
     /// The scene through each of some lenses. The method has been [checked](Method::check).
     pub fn render_each(
         &self,
-        optics: &[Optics],
+        lenses: &[Imaging],
         method: &Method,
         device: Device,
         simd: Simd,
         cancel: &Cancel,
     ) -> Result<Vec<Rendered>> {
-        match device.place(method)? {
-            Place::Cpu => optics.iter().map(|optics| self.on_cpu(optics, method, simd, cancel)).collect(),
+        match device.place(method, lenses)? {
+            Place::Cpu => lenses.iter().map(|lens| self.on_cpu(lens, method, simd, cancel)).collect(),
             Place::Gpu(adapter) => {
+                // What a device places there is a thin lens; its focus surface faces the camera.
+                let facing =
+                    |optics: &Optics| self.sheets(&self.picture, &lenses[0].surface, optics, simd, cancel);
                 let source = gpu::Source {
                     picture: &self.picture,
                     residence: &self.residence,
-                    sheets: |optics: &Optics| self.sheets(optics, simd, cancel),
+                    sheets: facing,
                     supersample: self.supersample,
                 };
-                gpu::render_each(adapter, &source, optics, method, simd, cancel)
+                let optics: Vec<Optics> = lenses.iter().map(|lens| lens.optics_of(1)).collect();
+                gpu::render_each(adapter, &source, &optics, method, simd, cancel)
             }
         }
     }
 
-    fn on_cpu(&self, optics: &Optics, method: &Method, simd: Simd, cancel: &Cancel) -> Result<Rendered> {
-        let (picture, size, front) = (&self.picture, self.picture.size, &self.picture.layers[0]);
-        let full = match method {
-            Method::Lens(settings) => {
-                let sheets = self.sheets(optics, simd, cancel)?;
-                cpu::lens::render(picture, &sheets, optics, settings, self.supersample, simd, cancel)
+    fn on_cpu(&self, imaging: &Imaging, method: &Method, simd: Simd, cancel: &Cancel) -> Result<Rendered> {
+        let (size, surface) = (self.picture.size, &imaging.surface);
+        let flattened = self.flattened(surface);
+        let mut full = by_focus(imaging, &flattened, |part| {
+            let (picture, optics, front) = (&part.picture, &part.optics, &part.picture.layers[0]);
+            match method {
+                Method::Lens(settings) => {
+                    let (lean, stronger) = surface.leaning(optics.k)?;
+                    let settings = cpu::lens::Settings {
+                        aperture: settings.aperture.leaning(lean),
+                        views: settings.views,
+                        barrel: imaging.barrel,
+                    };
+                    let optics = Optics { k: optics.k * stronger, ..*optics };
+                    let all = self.sheets(&flattened, surface, &optics, simd, cancel)?;
+                    let sheets = match part.channels {
+                        None => all,
+                        Some(channels) => Arc::new(all.of_channels(channels)),
+                    };
+                    cpu::lens::render(picture, &sheets, &optics, &settings, self.supersample, simd, cancel)
+                }
+                Method::Poisson(settings) => {
+                    cpu::poisson::render(front, picture.size, optics, settings, simd, cancel)
+                }
+                Method::Gaussian(settings) => {
+                    cpu::gaussian::render(front, picture.size, optics, settings, simd, cancel)
+                }
+                Method::Taps(settings) => {
+                    cpu::taps::render(front, picture.size, optics, settings, simd, cancel)
+                }
+                Method::Hexagonal(settings) => {
+                    cpu::hexagonal::render(front, picture.size, optics, settings, simd, cancel)
+                }
+                Method::Levels(settings) => {
+                    cpu::levels::render(front, picture.size, optics, settings, simd, cancel)
+                }
+                Method::Sprites(settings) => {
+                    cpu::sprites::render(front, picture.size, optics, settings, simd, cancel)
+                }
             }
-            Method::Poisson(settings) => cpu::poisson::render(front, size, optics, settings, simd, cancel),
-            Method::Gaussian(settings) => cpu::gaussian::render(front, size, optics, settings, simd, cancel),
-            Method::Taps(settings) => cpu::taps::render(front, size, optics, settings, simd, cancel),
-            Method::Hexagonal(settings) => {
-                cpu::hexagonal::render(front, size, optics, settings, simd, cancel)
-            }
-            Method::Levels(settings) => cpu::levels::render(front, size, optics, settings, simd, cancel),
-            Method::Sprites(settings) => cpu::sprites::render(front, size, optics, settings, simd, cancel),
-        }?;
+        })?;
+        if imaging.is_magnified() {
+            full = cpu::magnify::magnify(
+                &full,
+                size,
+                surface.centre,
+                |channel| imaging.magnification_of(channel),
+                cancel,
+            )?;
+        }
+        if let Some(falloff) = &imaging.falloff {
+            let clip = match (method, imaging.barrel) {
+                (Method::Lens(settings), Some(barrel)) if falloff.optical => {
+                    Some(cpu::lens::Clip::new(barrel, &settings.aperture))
+                }
+                _ => None,
+            };
+            cpu::falloff::darken(&mut full, size, self.lights, falloff, clip.as_ref());
+        }
         let pixels = match self.supersample {
             1 => full,
             n => cpu::resolve::box_average(&full, size, n),
         };
         Ok(Rendered { pixels, passes: Vec::new() })
     }
+}
+
+/// What is rendered at one focus: all of a picture, or some of its channels.
+struct Part<'a> {
+    picture: Cow<'a, Picture>,
+    channels: Option<&'a [usize]>,
+    optics: Optics,
+}
+
+/// The picture with every colour rendered at its own focus, all at once where that is the same. Coverage, which colours
+/// need where there is one, is green's.
+fn by_focus(
+    imaging: &Imaging,
+    picture: &Picture,
+    render: impl Fn(&Part) -> Result<Vec<f32>>,
+) -> Result<Vec<f32>> {
+    if !imaging.is_axially_chromatic() {
+        let optics = imaging.optics_of(1);
+        return render(&Part { picture: Cow::Borrowed(picture), channels: None, optics });
+    }
+    const COVERAGE: usize = 3;
+    let channels = picture.size.channels;
+    let mut out = vec![0.0; picture.size.pixels() * channels];
+    for color in 0..3 {
+        let rendered: &[usize] = if channels > COVERAGE { &[color, COVERAGE] } else { &[color] };
+        let part = render(&Part {
+            picture: Cow::Owned(picture.of_channels(rendered)),
+            channels: Some(rendered),
+            optics: imaging.optics_of(color),
+        })?;
+        for (i, &channel) in rendered.iter().enumerate() {
+            if channel == color || color == 1 {
+                let values = part.iter().skip(i).step_by(rendered.len());
+                out.iter_mut().skip(channel).step_by(channels).zip(values).for_each(|(out, v)| *out = *v);
+            }
+        }
+    }
+    Ok(out)
 }

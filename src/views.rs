@@ -1,6 +1,6 @@
 //! The lens points through which a frame is looked at, one a view.
 
-use crate::aperture::Aperture;
+use crate::aperture::{Aperture, Side};
 
 /// Views a tile gets for every pixel of the area of its largest disc.
 const VIEWS_PER_PIXEL: f64 = 0.4;
@@ -10,8 +10,12 @@ const COUNTS: [usize; 7] = [64, 96, 128, 192, 256, 384, 512];
 /// A lens point and the place inside the pixel that its ray starts from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
-    /// Lens point, in units of the aperture's radius.
-    pub lens: [f64; 2],
+    /// Lens point, in units of the aperture's radius, that the ray seems to come from in front of the focus.
+    pub in_front: [f64; 2],
+    /// The same behind it: another one where the lens is aberrated.
+    pub behind: [f64; 2],
+    /// Where the ray passes the opening itself, for what the barrel clips.
+    pub pupil: [f64; 2],
     /// Start of the ray relative to the pixel's centre, within half a pixel.
     pub start: [f64; 2],
 }
@@ -36,13 +40,16 @@ pub fn spacing_px(t_px: f64, area: f64, n: usize) -> f64 {
 pub fn views(aperture: &Aperture, n: usize) -> Vec<View> {
     const PLASTIC: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
     let start = |i: usize| PLASTIC.map(|a| (0.5 + (i + 1) as f64 * a).fract() - 0.5);
-    let lens_points = aperture.lens_points(n).into_iter().enumerate();
-    let mut views: Vec<View> = lens_points.map(|(i, lens)| View { lens, start: start(i) }).collect();
+    let in_front = aperture.lens_points(n, Side::InFront);
+    let behind = if aperture.has_sides() { aperture.lens_points(n, Side::Behind) } else { in_front.clone() };
+    let pupil = aperture.pupil_points(n);
+    let view = |i: usize| View { in_front: in_front[i], behind: behind[i], pupil: pupil[i], start: start(i) };
+    let mut views: Vec<View> = (0..n).map(view).collect();
     // Neighbours look at nearly the same cells, which one after another are still in the first level of the cache:
     // to and fro along strips that hold about as many views as there are strips.
     let strips = (n as f64).sqrt();
-    let strip = |view: &View| ((0.5 + 0.5 * view.lens[1]) * strips) as usize;
-    let along = |view: &View| if strip(view) % 2 == 0 { view.lens[0] } else { -view.lens[0] };
+    let strip = |view: &View| ((0.5 + 0.5 * view.in_front[1]) * strips) as usize;
+    let along = |view: &View| if strip(view) % 2 == 0 { view.in_front[0] } else { -view.in_front[0] };
     views.sort_by(|a, b| strip(a).cmp(&strip(b)).then(along(a).total_cmp(&along(b))));
     views
 }

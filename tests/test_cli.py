@@ -277,10 +277,31 @@ def test_lens_of_a_file_and_options_beside_it(scene, tmp_path, monkeypatch):
     assert aperture == dofsim.Aperture(blades=5, rotation=20.0)
 
 
+def test_a_file_has_all_words_of_a_lens_and_an_aperture(scene, tmp_path, monkeypatch):
+    path = tmp_path / "lens.toml"
+    path.write_text(
+        "focal_length_mm = 50\nf_number = 2\nfocus_distance = 3\nsensor = 'aps-c'\nbreathing = true\n"
+        "tilt = [20.0, -5.0]\naxial_color = [-0.1, 0.0, 0.1]\ncat_eye = 0.5\nvignetting = 'full'\n"
+        "[aperture]\nimage = 'a.png'\nratio = 2.0\n"
+    )
+    lens, aperture = lens_of(monkeypatch, "--lens", "lens.toml")
+    camera = dofsim.Lens.from_camera(
+        focal_length_mm=50, f_number=2, focus_distance=3.0, sensor="aps-c", breathing=True
+    )
+    flaws = {"axial_color": (-0.1, 0.0, 0.1), "cat_eye": 0.5, "vignetting": "full"}
+    assert lens == camera.replace(tilt=(20.0, -5.0), **flaws)
+    assert aperture == dofsim.Aperture(image="a.png", ratio=2.0)
+    lens, _ = lens_of(monkeypatch, "--lens", "lens.toml", "--focus-at", "25,15")
+    assert abs(dofsim.coc(scene[1], lens)[15, 25]) < 1e-4
+
+
 def test_lens_over_relative_disparity(scene, tmp_path, monkeypatch):
     (tmp_path / "lens.toml").write_text("strength_px = 20.0\nfocus = 0.5\n")
     lens, _ = lens_of(monkeypatch, "--lens", "lens.toml", "--depth-kind", "disparity")
     assert lens == dofsim.Lens.from_disparity(strength_px=20.0, focus=0.5)
+    (tmp_path / "lens.toml").write_text("strength_percent = 2.0\nfocus = 0.5\n")
+    lens, _ = lens_of(monkeypatch, "--lens", "lens.toml", "--depth-kind", "relative")
+    assert lens == dofsim.Lens.from_disparity(strength_percent=2.0, focus=0.5)
 
 
 def test_focus_at_a_pixel(scene, monkeypatch):

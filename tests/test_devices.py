@@ -16,9 +16,16 @@ AGREEMENT = 2e-4
 LENS_AGREEMENT = 2e-3
 LENS_PSNR = 60.0
 
+OPENINGS = [
+    dofsim.Aperture(blades=6, rotation=10.0),
+    dofsim.Aperture(blades=5, roundness=0.4, ratio=1.5),
+    dofsim.Aperture(obstruction=0.5, apodization=0.6),
+    dofsim.Aperture(image=np.arange(12.0).reshape(3, 4)),
+]
+
 # Every method on the GPU, with the options that change what it does.
 CASES = {
-    "lens": [{}, {"views": 64}, {"aperture": dofsim.Aperture(blades=6, rotation=10.0)}],
+    "lens": [{}, {"views": 64}, *({"aperture": opening} for opening in OPENINGS)],
     "gaussian": [{}, {"max_coc_px": 3.0}, {"max_coc_px": 12.0}],
     "poisson": [{}, {"taps": 40, "max_coc_px": 12.0}, {"leak_test": "off"}, {"bokeh": "ring"}],
     "hexagonal": [
@@ -119,6 +126,29 @@ def test_gpu_and_cpu_agree(gpu, name, method, options):
     scene = SCENES[name]()
     on_cpu = render(*scene, "cpu", method=method, **options)
     assert_agree(render(*scene, gpu, method=method, **options), on_cpu, method)
+
+
+@pytest.mark.parametrize(
+    "flaw",
+    [
+        {"tilt": (10.0, 0.0)},
+        {"field_curvature": 0.1},
+        {"axial_color": (0.01, 0.0, -0.01)},
+        {"lateral_color": (0.001, 0.0, -0.001)},
+        {"cat_eye": 0.5},
+        {"vignetting": "natural"},
+    ],
+    ids=lambda flaw: next(iter(flaw)),
+)
+def test_lenses_that_a_gpu_cannot_have_are_refused_by_name(gpu, flaw):
+    lens = dofsim.Lens(aperture_radius=0.05, focus_distance=3.0, fov=40.0, **flaw)
+    with pytest.raises(dofsim.DeviceError, match=f"{next(iter(flaw))}.* cannot be computed on a GPU"):
+        dofsim.render(random_color(), np.full((HEIGHT, WIDTH), 2.0), lens, device=gpu)
+
+
+def test_aberrated_openings_are_refused_by_name_on_a_gpu(gpu):
+    with pytest.raises(dofsim.DeviceError, match="spherical aberration cannot be computed on a GPU"):
+        render(*surfaces(), gpu, aperture=dofsim.Aperture(spherical=0.5))
 
 
 @pytest.mark.parametrize(("method", "options"), flatten(METRIC_CASES))
@@ -226,7 +256,12 @@ def test_passes_are_timed(gpu, method):
     scene = dofsim.Scene(color, disparity, depth_kind="disparity", device=gpu)
     lens = dofsim.Lens.from_disparity(strength_px=6.0, focus=0.0)
     passes = dict(scene.profile(lens, method=method))
-    several = {"lens": "lens/sweep", "gaussian": "gaussian/blur_x", "levels": "levels/filter", "hexagonal": "hexagonal/shade"}
+    several = {
+        "lens": "lens/sweep",
+        "gaussian": "gaussian/blur_x",
+        "levels": "levels/filter",
+        "hexagonal": "hexagonal/shade",
+    }
     assert passes[several.get(method, method)] > 0.0
     assert all(milliseconds >= 0.0 for milliseconds in passes.values())
 

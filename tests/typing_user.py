@@ -6,7 +6,7 @@ What must be an error carries an ignore comment, and mypy reports comments that 
 from typing import Any
 
 import numpy as np
-from dofsim import Aperture, DeviceError, Lens, Scene, coc, devices, io, metrics, render
+from dofsim import SENSORS, Aperture, DeviceError, Lens, Scene, coc, devices, focus_pull, io, metrics, render
 from numpy.typing import NDArray
 from typing_extensions import assert_type
 
@@ -19,16 +19,26 @@ def bracket(color: NDArray[np.float32], depth: NDArray[np.float64]) -> NDArray[n
         Lens.from_mitsuba({"type": "thinlens"}),
         Lens.from_blender({"lens": 50.0, "fstop": 2.5, "focus_distance": 4.0}),
         Lens.from_disparity(strength_px=30.0, focus=0.8),
+        Lens.from_disparity(strength_percent=3.0, focus=0.8, cat_eye=0.5),
+        Lens.from_colmap(fx=500.0, width=640, aperture_radius=0.01, focus_distance=2.0),
+        Lens.from_camera(focal_length_mm=50, f_number=2, focus_distance=2.0, sensor="aps-c", breathing=True),
     ):
         known = {lens, other}
         lens = other if len(known) == 1 else lens
     lens = lens.replace(fov=40.0).focused_at(depth, 3, -1, depth_kind="zbuffer", near=0.1, far=10.0)
     if lens.focus_distance is not None and lens.aperture_radius is not None:
         print(lens.aperture_radius / lens.focus_distance, lens.fov_axis)
+    lens = lens.replace(tilt=(10.0, 0.0), axial_color=(0.1, 0.0, -0.1), vignetting="natural")
+    lens = lens.focused_on(depth, "nearest").focused_on(depth, depth < 2.0)
+    lens = lens.focused_on_plane(depth, [(0, 0), (5, 0), (0, 5)])
+    assert_type(lens.depth_of_field(0.03), tuple[float, float])
+    lens.replace(vignetting="some")  # type: ignore[arg-type]
     lens.replace(colour=1.0)  # type: ignore[call-arg]
     lens.fov = 3.0  # type: ignore[misc]
 
     hexagon = Aperture(blades=6, rotation=15.0)
+    Aperture(image=np.ones((4, 4)), ratio=2.0)
+    Aperture.from_blender({"aperture_blades": 5})
     assert_type(hexagon.blades, int)
     assert_type(coc(depth, lens), NDArray[np.float32])
     assert_type(render(color.astype(np.float16), depth, lens), NDArray[np.float16])
@@ -54,6 +64,8 @@ def bracket(color: NDArray[np.float32], depth: NDArray[np.float64]) -> NDArray[n
     for device in devices():
         if device.kind != "software":
             Scene(color, depth, device=device.id)
+    for frame in focus_pull(scene, lens, [(0, 1.0), (24, 3.0)], easing="in", views=128):
+        print(frame.shape, SENSORS["aps-c"])
     scene.focal_stack(lens, [1.0, 2.0], method="taps", views=128)  # type: ignore[call-overload]
     try:
         picture = render(color, depth, lens, device="gpu")

@@ -24,6 +24,7 @@ __all__ = [
     "read_exr",
     "read_raster",
     "render",
+    "sensors",
     "simd_available",
     "write_bytes",
     "write_exr",
@@ -35,13 +36,18 @@ __all__ = [
 _Sample = TypeVar("_Sample", bound=np.float16 | np.float32 | np.float64 | np.uint8 | np.uint16)
 
 _Alpha: TypeAlias = Literal["premultiplied", "straight", "none"]
-_DepthKind: TypeAlias = Literal["z", "distance", "inverse_z", "disparity", "zbuffer", "distance_from_near"]
+_DepthKind: TypeAlias = Literal[
+    "z", "distance", "inverse_z", "disparity", "relative", "zbuffer", "distance_from_near"
+]
 # "auto", "cpu", "gpu", or an adapter by its id or its name.
 _Device: TypeAlias = str
 _FovAxis: TypeAlias = Literal["x", "y", "diagonal", "smaller", "larger"]
 _Invalid: TypeAlias = Literal["raise", "far"]
+_Pair: TypeAlias = tuple[float, float]
 _Path: TypeAlias = str | PathLike[str]
 _Transfer: TypeAlias = Literal["linear", "srgb"]
+_Triple: TypeAlias = tuple[float, float, float]
+_Vignetting: TypeAlias = Literal["none", "optical", "natural", "full"]
 
 # The options of each method; None stands for one that is not given.
 
@@ -105,14 +111,35 @@ class Device:
 @final
 class Aperture:
     def __new__(
-        cls, *, blades: int = 0, rotation: float = 0.0, apodization: float | None = None
+        cls,
+        *,
+        blades: int = 0,
+        rotation: float = 0.0,
+        roundness: float = 0.0,
+        ratio: float = 1.0,
+        obstruction: float = 0.0,
+        apodization: float | None = None,
+        spherical: float = 0.0,
+        image: NDArray[Any] | _Path | None = None,
     ) -> Aperture: ...
+    @staticmethod
+    def from_blender(camera: dict[str, Any] | _Path) -> Aperture: ...
     @property
     def blades(self, /) -> int: ...
     @property
     def rotation(self, /) -> float: ...
     @property
+    def roundness(self, /) -> float: ...
+    @property
+    def ratio(self, /) -> float: ...
+    @property
+    def obstruction(self, /) -> float: ...
+    @property
     def apodization(self, /) -> float | None: ...
+    @property
+    def spherical(self, /) -> float: ...
+    @property
+    def image(self, /) -> NDArray[np.float64] | None: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
     def __hash__(self, /) -> int: ...
@@ -124,25 +151,76 @@ class _LensWords(TypedDict, total=False):
     focus_distance: float
     fov: float
     fov_axis: _FovAxis
+    tilt: _Pair
+    field_curvature: float
+    axial_color: _Triple
+    lateral_color: _Triple
+    cat_eye: float
+    vignetting: _Vignetting
+    principal_point: _Pair
+    sensor_mm: float | None
+    breathing_focal_length_mm: float | None
     strength_px: float
+    strength_percent: float
     focus: float
 
 @final
 class Lens:
     def __new__(
-        cls, *, aperture_radius: float, focus_distance: float, fov: float, fov_axis: _FovAxis = "x"
+        cls,
+        *,
+        aperture_radius: float,
+        focus_distance: float,
+        fov: float,
+        fov_axis: _FovAxis = "x",
+        tilt: _Pair = (0.0, 0.0),
+        field_curvature: float = 0.0,
+        axial_color: _Triple = (0.0, 0.0, 0.0),
+        lateral_color: _Triple = (0.0, 0.0, 0.0),
+        cat_eye: float = 0.0,
+        vignetting: _Vignetting = "none",
+        principal_point: _Pair = (0.0, 0.0),
+        sensor_mm: float | None = None,
+        breathing_focal_length_mm: float | None = None,
     ) -> Lens: ...
     @staticmethod
     def from_camera(
-        *, focal_length_mm: float, f_number: float, focus_distance: float, sensor_width_mm: float = 36.0
+        *,
+        focal_length_mm: float,
+        f_number: float,
+        focus_distance: float,
+        sensor_width_mm: float | None = None,
+        sensor: str | None = None,
+        breathing: bool = False,
     ) -> Lens: ...
-    # A mitsuba.Sensor or a dict; Mitsuba need not be installed.
+    @staticmethod
+    def from_colmap(
+        *,
+        fx: float,
+        width: int,
+        aperture_radius: float,
+        focus_distance: float,
+        cx: float | None = None,
+        cy: float | None = None,
+        height: int | None = None,
+    ) -> Lens: ...
+    # A mitsuba.Sensor, a dict or a path; Mitsuba need not be installed.
     @staticmethod
     def from_mitsuba(sensor: Any) -> Lens: ...
     @staticmethod
-    def from_blender(camera: dict[str, Any]) -> Lens: ...
+    def from_blender(camera: dict[str, Any] | _Path) -> Lens: ...
     @staticmethod
-    def from_disparity(*, strength_px: float, focus: float) -> Lens: ...
+    def from_disparity(
+        *,
+        strength_px: float | None = None,
+        strength_percent: float | None = None,
+        focus: float,
+        axial_color: _Triple = (0.0, 0.0, 0.0),
+        lateral_color: _Triple = (0.0, 0.0, 0.0),
+        cat_eye: float = 0.0,
+        vignetting: _Vignetting = "none",
+        principal_point: _Pair = (0.0, 0.0),
+    ) -> Lens: ...
     @property
     def aperture_radius(self, /) -> float | None: ...
     @property
@@ -154,14 +232,62 @@ class Lens:
     @property
     def strength_px(self, /) -> float | None: ...
     @property
+    def strength_percent(self, /) -> float | None: ...
+    @property
     def focus(self, /) -> float | None: ...
+    @property
+    def tilt(self, /) -> _Pair: ...
+    @property
+    def field_curvature(self, /) -> float: ...
+    @property
+    def axial_color(self, /) -> _Triple: ...
+    @property
+    def lateral_color(self, /) -> _Triple: ...
+    @property
+    def cat_eye(self, /) -> float: ...
+    @property
+    def vignetting(self, /) -> _Vignetting: ...
+    @property
+    def principal_point(self, /) -> _Pair: ...
+    @property
+    def sensor_mm(self, /) -> float | None: ...
+    @property
+    def breathing_focal_length_mm(self, /) -> float | None: ...
+    @property
+    def focal_length_mm(self, /) -> float | None: ...
+    @property
+    def f_number(self, /) -> float | None: ...
     def replace(self, /, **changes: Unpack[_LensWords]) -> Lens: ...
+    def coc_diameter_mm(self, /, z: float) -> float: ...
+    def hyperfocal_distance(self, /, coc_limit_mm: float) -> float: ...
+    def depth_of_field(self, /, coc_limit_mm: float) -> tuple[float, float]: ...
     def focused_at(
         self,
         /,
         depth: NDArray[np.floating[Any]],
         x: int,
         y: int,
+        *,
+        radius_px: int = 0,
+        depth_kind: _DepthKind = "z",
+        near: float | None = None,
+        far: float | None = None,
+    ) -> Lens: ...
+    def focused_on(
+        self,
+        /,
+        depth: NDArray[np.floating[Any]],
+        target: Literal["nearest", "farthest", "centre", "center"] | NDArray[np.bool_],
+        *,
+        depth_kind: _DepthKind = "z",
+        near: float | None = None,
+        far: float | None = None,
+    ) -> Lens: ...
+    def focused_on_plane(
+        self,
+        /,
+        depth: NDArray[np.floating[Any]],
+        pixels: Sequence[tuple[int, int]],
         *,
         depth_kind: _DepthKind = "z",
         near: float | None = None,
@@ -589,6 +715,7 @@ def render(
     **options: Unpack[_SpritesOptions],
 ) -> NDArray[_Sample]: ...
 def methods_available() -> list[str]: ...
+def sensors() -> list[tuple[str, float, float]]: ...
 def simd_available() -> list[Literal["portable", "avx2", "avx512"]]: ...
 
 # Files; `dofsim.io` is the public face of these.

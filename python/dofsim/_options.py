@@ -51,7 +51,8 @@ LensFile = Annotated[
     Path | None,
     typer.Option(
         "--lens",
-        help="TOML file with the words above, spelt with underscores. Options beside it win.",
+        help="TOML file with the words above, spelt with underscores, and all others of dofsim.Lens; those "
+        "of dofsim.Aperture in a table [aperture]. Options beside it win.",
         rich_help_panel="Lens",
     ),
 ]
@@ -72,7 +73,8 @@ Preset = Annotated[
 DepthKind = Annotated[
     str | None,
     typer.Option(
-        help="What depth measures: z (default), distance, inverse_z, disparity, zbuffer, distance_from_near.",
+        help="What depth measures: z (default), distance, inverse_z, disparity, relative, zbuffer, "
+        "distance_from_near.",
         rich_help_panel="Depth",
     ),
 ]
@@ -125,10 +127,23 @@ MethodOptions = Annotated[
 ]
 
 THIN_WORDS = ("aperture_radius", "focus_distance", "fov", "fov_axis")
-CAMERA_WORDS = ("focal_length_mm", "f_number", "focus_distance", "sensor_width_mm")
-RELATIVE_WORDS = ("strength_px", "focus")
-# What each constructor can do without.
-_OPTIONAL = {"fov_axis", "sensor_width_mm"}
+CAMERA_WORDS = ("focal_length_mm", "f_number", "focus_distance", "sensor_width_mm", "sensor")
+RELATIVE_WORDS = ("strength_px", "strength_percent", "focus")
+# What lenses may have beyond that; each constructor or `Lens.replace` says which of them it takes.
+FURTHER_WORDS = (
+    "tilt",
+    "field_curvature",
+    "axial_color",
+    "lateral_color",
+    "cat_eye",
+    "vignetting",
+    "principal_point",
+    "sensor_mm",
+    "breathing_focal_length_mm",
+    "breathing",
+)
+# What each constructor can do without, or says itself when it is missing.
+_OPTIONAL = {"fov_axis", "sensor_width_mm", "sensor", "strength_px", "strength_percent"}
 
 
 def read_settings(
@@ -213,7 +228,8 @@ def make_lens(words: Mapping[str, Any]) -> dofsim.Lens:
     Parameters
     ----------
     words : mapping
-        The arguments of `dofsim.Lens`, of `Lens.from_camera` or of `Lens.from_disparity`.
+        The arguments of `dofsim.Lens`, of `Lens.from_camera` or of `Lens.from_disparity`, and those of
+        `Lens.replace`.
 
     Returns
     -------
@@ -230,6 +246,10 @@ def make_lens(words: Mapping[str, Any]) -> dofsim.Lens:
         (kind for kind in kinds if any(word in kind[0] and word != "focus_distance" for word in words)),
         (THIN_WORDS, dofsim.Lens),
     )
+    # TOML and JSON have lists where Python's words are tuples.
+    words = {word: tuple(value) if isinstance(value, list) else value for word, value in words.items()}
+    further = {word: value for word, value in words.items() if word in FURTHER_WORDS}
+    words = {word: value for word, value in words.items() if word not in further}
     if alien := [word for word in words if word not in known]:
         raise ValueError(f"a lens of {_spell(known)} has no {_spell(alien)}")
     if missing := [word for word in known if word not in words and word not in _OPTIONAL]:
@@ -237,7 +257,9 @@ def make_lens(words: Mapping[str, Any]) -> dofsim.Lens:
             f"the lens is not complete: {_spell(missing)} missing (a lens is given by {_spell(THIN_WORDS)}, "
             f"by {_spell(CAMERA_WORDS)}, or by --lens and a file)"
         )
-    return maker(**words)
+    if "breathing" in further and maker is dofsim.Lens.from_camera:
+        words["breathing"] = further.pop("breathing")
+    return maker(**words).replace(**further)
 
 
 def one_of(option: str, value: str | None, accepted: tuple[Any, ...]) -> Any:
@@ -315,13 +337,15 @@ def read_pixel(text: str) -> tuple[int, int]:
 
 
 def without_focus(words: Mapping[str, Any]) -> dict[str, Any]:
-    """Give a lens some focus, far away, for what does not depend on it."""
-    return {**words, focus_word(words): 1.0 if focus_word(words) == "focus" else math.inf}
+    """Give a lens some focus, far away, for what does not depend on it; a tilted one needs a finite focus."""
+    far = 1e9 if "tilt" in words else math.inf
+    return {**words, focus_word(words): 1.0 if focus_word(words) == "focus" else far}
 
 
 def focus_word(words: Mapping[str, Any]) -> str:
     """Name the word of the focus in a lens."""
-    return "focus" if "strength_px" in words else "focus_distance"
+    relative = "strength_px" in words or "strength_percent" in words
+    return "focus" if relative else "focus_distance"
 
 
 def focused_words(

@@ -2,10 +2,12 @@
 
 pub mod border;
 pub mod enlarge;
+pub mod falloff;
 pub mod gaussian;
 pub mod hexagonal;
 pub mod lens;
 pub mod levels;
+pub mod magnify;
 pub mod poisson;
 pub mod resolve;
 pub mod rows;

@@ -25,7 +25,7 @@ use crate::cancel::Cancel;
 use crate::cpu::lens::Sheets;
 use crate::cpu::simd::Simd;
 use crate::error::{Error, Result};
-use crate::optics::Optics;
+use crate::optics::{Imaging, Optics};
 use crate::picture::Picture;
 use crate::render::{Method, Rendered};
 use commands::{Commands, Pending};
@@ -118,8 +118,30 @@ fn start<S: Fn(&Optics) -> Result<Arc<Sheets>>>(
     })
 }
 
+/// Refuses methods that have no GPU path, and lenses that those have none for.
+pub fn refuse(method: &Method, lens: &Imaging) -> Result<()> {
+    if !METHODS.contains(&method.name()) {
+        return Err(no_path(method.name()));
+    }
+    let aberrated = matches!(method, Method::Lens(settings) if settings.aperture.has_sides());
+    let beyond = [
+        ("an aperture with spherical aberration", aberrated),
+        ("a lens with tilt or field_curvature", !lens.surface.is_facing()),
+        ("a lens with axial_color", lens.is_axially_chromatic()),
+        ("a lens with lateral_color, or one that breathes,", lens.is_magnified()),
+        ("a lens with cat_eye", lens.barrel.is_some()),
+        ("a lens with vignetting", lens.falloff.is_some()),
+    ];
+    match beyond.iter().find(|(_, has)| *has) {
+        None => Ok(()),
+        Some((what, _)) => Err(Error::Device(format!(
+            "{what} cannot be computed on a GPU in this version. Use device=\"cpu\" or \"auto\""
+        ))),
+    }
+}
+
 /// The refusal of a method that has no GPU path.
-pub fn no_path(method: &str) -> Error {
+fn no_path(method: &str) -> Error {
     Error::Device(format!(
         "method={method:?} cannot be computed on a GPU in this version; these can: {}. Use device=\"cpu\" or \
          \"auto\"",

@@ -14,7 +14,7 @@
 //!
 //! Its section on bokeh changes the distribution and the weights of the taps.
 
-use crate::aperture::Aperture;
+use crate::aperture::{Aperture, Side};
 use crate::error::{Result, value_error};
 use crate::optics::Optics;
 
@@ -158,7 +158,7 @@ fn scattered(aperture: &Aperture, n: usize) -> Vec<[f64; 2]> {
     const CANDIDATES: usize = 1024;
     const RELAXATIONS: usize = 4;
     // Even points over the opening, where the light goes.
-    let candidates = aperture.lens_points(CANDIDATES);
+    let candidates = aperture.lens_points(CANDIDATES, Side::Behind);
     let squared = |a: &[f64; 2], b: &[f64; 2]| (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2);
 
     // Each is the best of many candidates: the one farthest from all before it. A simple sequence picks them, so

@@ -11,7 +11,7 @@
 //! is the mean of what is not in front, over a square as large as the pixel's own circle of confusion. Sprites
 //! set in over the threshold's width instead of all at once.
 
-use crate::aperture::Aperture;
+use crate::aperture::{Aperture, Side};
 use crate::error::{Result, value_error};
 
 /// Radii are told apart to these steps, below and above [`SMALL_PX`].
@@ -123,9 +123,11 @@ impl Settings {
         let coc = radius(step);
         // Points in front are drawn turned by half.
         let weights: Vec<(i32, i32, f64)> = match &self.shape {
-            Shape::Opening(aperture) => {
-                aperture.kernel(coc).weights().map(|(dx, dy, w)| (dx, dy, f64::from(w))).collect()
-            }
+            Shape::Opening(aperture) => aperture
+                .kernel_on(Side::of(-coc), coc)
+                .weights()
+                .map(|(dx, dy, w)| (dx, dy, f64::from(w)))
+                .collect(),
             Shape::Texture(texture) => {
                 let turn = if coc < 0.0 { -1 } else { 1 };
                 texture.weights(coc.abs()).into_iter().map(|(dx, dy, w)| (turn * dx, turn * dy, w)).collect()

@@ -1,63 +1,172 @@
 //! `dofsim.Aperture`.
 
-use crate::aperture::Aperture;
+use super::errors::shown;
+use super::lens::{blender_words, hash_words, is_path, number};
+use crate::aperture::{Aperture, Picture};
+use crate::error::value_error;
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use std::fmt;
+use std::sync::Arc;
 
-/// The shape of the opening that light passes.
+/// The shape of the opening that light passes, and how much of it passes where.
 ///
 /// Parameters
 /// ----------
 /// blades : int, optional
-///     Number of straight blades, 3 to 64; 0 (default) is a round opening.
+///     Number of blades, 3 to 64; 0 (default) is a round opening.
 /// rotation : float, optional
-///     Angle in degrees by which the polygon is turned, counter-clockwise as seen in the picture for points
+///     Angle in degrees by which the blades are turned, counter-clockwise as seen in the picture for points
 ///     behind the focus plane. At 0 the first corner points to the right. Points in front of the focus plane
 ///     are drawn turned by 180 degrees, as in a camera.
+/// roundness : float, optional
+///     How much the blades bulge: 0 (default) is straight, 1 makes one circle of them.
+/// ratio : float, optional
+///     Height of the opening over its width, Blender's word for an anamorphic lens: 2 draws points twice as high as
+///     wide. The longer half-axis stays ``aperture_radius``. The squeeze is along the picture's axes, after the
+///     rotation.
+/// obstruction : float, optional
+///     Part of the way from the centre to the rim that is closed, 0 to 0.95, as by the mirror of a mirror lens. The
+///     hole has the shape of the opening.
 /// apodization : float, optional
 ///     Standard deviation of a Gaussian transmission as a fraction of the way from the centre to the rim, at
 ///     least 0.05. ``None`` (default) is a clear opening.
+/// spherical : float, optional
+///     Spherical aberration, -1 to 1. Behind the focus the light of a point has the density ``1 + spherical * (2 rho**2
+///     - 1)``, in front of it that with the other sign, where ``rho`` goes from 0 at the centre to 1 at the rim.
+///     Positive values draw bright rims behind the focus and soft discs in front of it; what is in focus stays sharp,
+///     and no light is lost.
+/// image : ndarray or path, optional
+///     A picture of the transmission, shape (N, M), not negative; or a file to read one from, whose colours are
+///     averaged in linear light. It fills the square around the round opening, which cuts off its corners; only the
+///     ratios of its values matter. It is the whole opening: of the words above only `ratio` goes with it.
 ///
 /// Raises
 /// ------
-/// ValueError
+/// ValueError, TypeError
 ///     If a value is out of range; the text names the argument, the value and what is accepted.
 ///
 /// Notes
 /// -----
-/// The corners of a polygon lie on the circle of the lens's ``aperture_radius``, as in Blender.
+/// The corners of the blades lie on the circle of the lens's ``aperture_radius``, as in Blender.
 ///
 /// Examples
 /// --------
 /// >>> import dofsim
-/// >>> dofsim.Aperture(blades=6, rotation=15.0)
-/// Aperture(blades=6, rotation=15.0)
+/// >>> dofsim.Aperture(blades=6, rotation=15.0, roundness=0.3)
+/// Aperture(blades=6, rotation=15.0, roundness=0.3)
 #[pyclass(name = "Aperture", module = "dofsim", frozen, eq)]
 #[derive(Debug, Clone, PartialEq)]
 pub struct PyAperture {
-    /// Number of blades; 0 is a disc.
-    #[pyo3(get)]
-    blades: u32,
-    /// Rotation in degrees.
-    #[pyo3(get)]
-    rotation: f64,
-    /// Standard deviation of the Gaussian transmission, or None.
-    #[pyo3(get)]
-    apodization: Option<f64>,
+    words: Words,
+    image: Option<Image>,
     pub core: Aperture,
+}
+
+/// The numbers that an aperture was made with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Words {
+    blades: u32,
+    rotation: f64,
+    roundness: f64,
+    ratio: f64,
+    obstruction: f64,
+    apodization: Option<f64>,
+    spherical: f64,
+}
+
+impl Words {
+    const DISC: Words = Words {
+        blades: 0,
+        rotation: 0.0,
+        roundness: 0.0,
+        ratio: 1.0,
+        obstruction: 0.0,
+        apodization: None,
+        spherical: 0.0,
+    };
+}
+
+/// A picture of the transmission, as it was given.
+#[derive(Debug, Clone, PartialEq)]
+struct Image {
+    columns: usize,
+    values: Arc<Vec<f64>>,
+}
+
+impl Image {
+    /// Reads an array, or the file of this path.
+    fn read(given: &Bound<'_, PyAny>) -> PyResult<Image> {
+        let py = given.py();
+        let plane = if is_path(given)? {
+            let color =
+                py.import("dofsim.io")?.call_method1("read_color", (given,))?.call_method0("to_linear")?;
+            let channels: usize = match color.getattr("shape")?.extract::<Vec<usize>>()?.as_slice() {
+                [_, _, channels] => *channels,
+                _ => 0,
+            };
+            match channels {
+                0 => color,
+                // The second of two and the fourth of four is coverage.
+                n => {
+                    let colors = color.call_method1("transpose", (2, 0, 1))?;
+                    let colors = (0..if n == 2 { 1 } else { n.min(3) }).map(|c| colors.get_item(c));
+                    let colors = colors.collect::<PyResult<Vec<_>>>()?;
+                    py.import("numpy")?.call_method1("mean", (colors, 0))?
+                }
+            }
+        } else {
+            given.clone()
+        };
+        let refused = |_| {
+            PyTypeError::new_err(format!(
+                "image must be a two-dimensional array of numbers or the path of a picture; got {}",
+                shown(given)
+            ))
+        };
+        let array = py.import("numpy")?.call_method1("asarray", (&plane, "float64")).map_err(refused)?;
+        let array: PyReadonlyArray2<f64> = array.extract().map_err(|e: PyErr| refused(e))?;
+        let array = array.as_array();
+        Ok(Image { columns: array.ncols(), values: Arc::new(array.iter().copied().collect()) })
+    }
+
+    /// Tells pictures of one size apart: in hashes, and in the records of a batch.
+    fn fingerprint(&self) -> u64 {
+        let bytes: Vec<String> = self.values.iter().map(|v| format!("{:x}", v.to_bits())).collect();
+        hash_words(&bytes.join(","))
+    }
+
+    fn array<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        PyArray1::from_slice(py, &self.values).reshape([self.values.len() / self.columns, self.columns])
+    }
 }
 
 impl fmt::Display for PyAperture {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (own, disc) = (&self.words, Words::DISC);
         let mut words = Vec::new();
-        if self.blades != 0 {
-            words.push(format!("blades={}", self.blades));
+        if own.blades != disc.blades {
+            words.push(format!("blades={}", own.blades));
         }
-        if self.rotation != 0.0 {
-            words.push(format!("rotation={:?}", self.rotation));
+        for (name, value, default) in [
+            ("rotation", own.rotation, disc.rotation),
+            ("roundness", own.roundness, disc.roundness),
+            ("ratio", own.ratio, disc.ratio),
+            ("obstruction", own.obstruction, disc.obstruction),
+            ("spherical", own.spherical, disc.spherical),
+        ] {
+            if value != default {
+                words.push(format!("{name}={value:?}"));
+            }
         }
-        if let Some(sigma) = self.apodization {
+        if let Some(sigma) = own.apodization {
             words.push(format!("apodization={sigma:?}"));
+        }
+        if let Some(image) = &self.image {
+            let rows = image.values.len() / image.columns;
+            words.push(format!("image=<{rows} x {}, {:016x}>", image.columns, image.fingerprint()));
         }
         write!(f, "Aperture({})", words.join(", "))
     }
@@ -66,10 +175,124 @@ impl fmt::Display for PyAperture {
 #[pymethods]
 impl PyAperture {
     #[new]
-    #[pyo3(signature = (*, blades=0, rotation=0.0, apodization=None))]
-    fn new(blades: u32, rotation: f64, apodization: Option<f64>) -> PyResult<PyAperture> {
-        let core = Aperture::new(blades, rotation, apodization)?;
-        Ok(PyAperture { blades, rotation, apodization, core })
+    #[pyo3(signature = (*, blades=0, rotation=0.0, roundness=0.0, ratio=1.0, obstruction=0.0, apodization=None,
+        spherical=0.0, image=None))]
+    #[expect(clippy::too_many_arguments, reason = "the public constructor's own, keyword-only in Python")]
+    fn new(
+        blades: u32,
+        rotation: f64,
+        roundness: f64,
+        ratio: f64,
+        obstruction: f64,
+        apodization: Option<f64>,
+        spherical: f64,
+        image: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<PyAperture> {
+        let words = Words { blades, rotation, roundness, ratio, obstruction, apodization, spherical };
+        let image = image.map(Image::read).transpose()?;
+        let core = match &image {
+            Some(image) => {
+                if words != (Words { ratio, ..Words::DISC }) {
+                    return Err(value_error!(
+                        "image is the whole opening: only ratio goes with it; put the rest into the picture"
+                    )
+                    .into());
+                }
+                Aperture::of_picture(Picture::new(image.columns, &image.values)?)
+            }
+            None => Aperture::new(blades, rotation, apodization)?
+                .with_roundness(roundness)?
+                .with_obstruction(obstruction)?
+                .with_spherical(spherical)?,
+        };
+        Ok(PyAperture { words, image, core: core.with_ratio(ratio)? })
+    }
+
+    /// The aperture of a Blender camera.
+    ///
+    /// Parameters
+    /// ----------
+    /// camera : dict or path
+    ///     ``aperture_blades``, ``aperture_rotation`` (radians) and ``aperture_ratio``, each optional, as Blender names
+    ///     them; other entries do not matter. Or a JSON file with them.
+    ///
+    /// Returns
+    /// -------
+    /// Aperture
+    ///     Blender turns its blades so that the middle of one, and no corner, points to the right at a rotation of 0.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError
+    ///     If an entry is out of range.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import dofsim
+    /// >>> dofsim.Aperture.from_blender({"aperture_blades": 6, "aperture_ratio": 2.0})
+    /// Aperture(blades=6, rotation=30.0, ratio=2.0)
+    #[staticmethod]
+    fn from_blender(camera: &Bound<'_, PyAny>) -> PyResult<PyAperture> {
+        let camera = blender_words(camera)?;
+        let entry =
+            |key: &str, default: f64| -> PyResult<f64> { Ok(number(&camera, &[key])?.unwrap_or(default)) };
+        let blades = entry("aperture_blades", 0.0)?;
+        // Cycles takes fewer than three blades for none.
+        let blades = if blades < 3.0 { 0 } else { blades as u32 };
+        let rotation = match blades {
+            0 => 0.0,
+            n => entry("aperture_rotation", 0.0)?.to_degrees() + 180.0 / f64::from(n),
+        };
+        let ratio = entry("aperture_ratio", 1.0)?;
+        PyAperture::new(blades, rotation, 0.0, ratio, 0.0, None, 0.0, None)
+    }
+
+    /// Number of blades; 0 is round.
+    #[getter]
+    fn blades(&self) -> u32 {
+        self.words.blades
+    }
+
+    /// Rotation in degrees.
+    #[getter]
+    fn rotation(&self) -> f64 {
+        self.words.rotation
+    }
+
+    /// How much the blades bulge, 0 to 1.
+    #[getter]
+    fn roundness(&self) -> f64 {
+        self.words.roundness
+    }
+
+    /// Height over width.
+    #[getter]
+    fn ratio(&self) -> f64 {
+        self.words.ratio
+    }
+
+    /// Part of the way to the rim that is closed.
+    #[getter]
+    fn obstruction(&self) -> f64 {
+        self.words.obstruction
+    }
+
+    /// Standard deviation of the Gaussian transmission, or None.
+    #[getter]
+    fn apodization(&self) -> Option<f64> {
+        self.words.apodization
+    }
+
+    /// Spherical aberration, -1 to 1.
+    #[getter]
+    fn spherical(&self) -> f64 {
+        self.words.spherical
+    }
+
+    /// The picture of the transmission as it was given, float64, or None.
+    #[getter]
+    fn image<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        self.image.as_ref().map(|image| image.array(py)).transpose()
     }
 
     fn __repr__(&self) -> String {
@@ -77,14 +300,19 @@ impl PyAperture {
     }
 
     fn __hash__(&self) -> u64 {
-        super::lens::hash_words(&self.to_string())
+        hash_words(&self.to_string())
     }
 
-    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<((), Bound<'py, pyo3::types::PyDict>)> {
-        let words = pyo3::types::PyDict::new(py);
-        words.set_item("blades", self.blades)?;
-        words.set_item("rotation", self.rotation)?;
-        words.set_item("apodization", self.apodization)?;
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<((), Bound<'py, PyDict>)> {
+        let (words, own) = (PyDict::new(py), &self.words);
+        words.set_item("blades", own.blades)?;
+        words.set_item("rotation", own.rotation)?;
+        words.set_item("roundness", own.roundness)?;
+        words.set_item("ratio", own.ratio)?;
+        words.set_item("obstruction", own.obstruction)?;
+        words.set_item("apodization", own.apodization)?;
+        words.set_item("spherical", own.spherical)?;
+        words.set_item("image", self.image(py)?)?;
         Ok(((), words))
     }
 }

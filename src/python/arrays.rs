@@ -5,9 +5,9 @@ use super::run::{installed, simd};
 use crate::color::{Sample, Transfer};
 use crate::cpu::rows::{bands, with_channels};
 use crate::cpu::simd::Simd;
-use crate::depth::{DepthKind, Invalid, disparity_plane};
+use crate::depth::{DepthKind, Invalid, Rays, disparities, disparity_plane};
 use crate::memory;
-use crate::optics::Lens;
+use crate::optics::{Base, Frame, Lens};
 use crate::picture::{Layer, Picture, Size};
 use half::f16;
 use numpy::ndarray::{ArrayViewD, Axis};
@@ -15,7 +15,7 @@ use numpy::{
     Element, PyArray1, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyUntypedArray,
     PyUntypedArrayMethods, dtype,
 };
-use pyo3::exceptions::{PyIndexError, PyTypeError, PyValueError};
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -78,6 +78,13 @@ pub struct ColorFormat {
     pub alpha: Alpha,
     /// Whether pictures have no channel axis.
     pub flat: bool,
+}
+
+impl ColorFormat {
+    /// How many of the channels hold light rather than coverage.
+    pub fn lights(&self, size: Size) -> usize {
+        size.channels - usize::from(self.alpha != Alpha::None)
+    }
 }
 
 /// The words by which a caller describes depth.
@@ -322,18 +329,21 @@ fn positive(name: &str, value: Option<f64>, kind: &str) -> PyResult<f64> {
 /// The kind of depth that the words describe, checked against the lens it is for.
 pub fn read_depth_kind(words: &DepthWords, lens: &Lens) -> PyResult<DepthKind> {
     let kind = read_depth_words(words)?;
-    match (kind, lens) {
-        (DepthKind::Disparity, Lens::Thin { .. }) => Err(PyValueError::new_err(
-            "depth_kind=\"disparity\" is relative and needs a lens made by Lens.from_disparity; metric inverse \
-             depth is depth_kind=\"inverse_z\"",
-        )),
-        (DepthKind::Disparity, Lens::Relative { .. }) => Ok(kind),
-        (_, Lens::Relative { .. }) => Err(PyValueError::new_err(format!(
+    match (kind, lens.base) {
+        (DepthKind::Disparity | DepthKind::Relative, Base::Thin { .. }) => {
+            Err(PyValueError::new_err(format!(
+                "depth_kind={:?} is relative and needs a lens made by Lens.from_disparity; metric inverse \
+                 depth is depth_kind=\"inverse_z\"",
+                words.depth_kind
+            )))
+        }
+        (DepthKind::Disparity | DepthKind::Relative, Base::Relative { .. }) => Ok(kind),
+        (_, Base::Relative { .. }) => Err(PyValueError::new_err(format!(
             "depth_kind={:?} is metric, but the lens was made by Lens.from_disparity, which needs \
-             depth_kind=\"disparity\"",
+             depth_kind=\"disparity\" or \"relative\"",
             words.depth_kind
         ))),
-        (_, Lens::Thin { .. }) => Ok(kind),
+        (_, Base::Thin { .. }) => Ok(kind),
     }
 }
 
@@ -345,6 +355,7 @@ pub fn read_depth_words(words: &DepthWords) -> PyResult<DepthKind> {
         ("distance", DepthKind::Distance),
         ("inverse_z", DepthKind::InverseZ),
         ("disparity", DepthKind::Disparity),
+        ("relative", DepthKind::Relative),
         ("zbuffer", DepthKind::ZBuffer { near: 0.0, far: 0.0 }),
         ("distance_from_near", DepthKind::DistanceFromNear { near: 0.0 }),
     ];
@@ -409,37 +420,38 @@ pub fn read_depth(depth: &Bound<'_, PyAny>) -> PyResult<DepthPlanes> {
     Ok(DepthPlanes { width, height, planes })
 }
 
-/// The disparity at one pixel; negative positions count from the end.
-pub fn read_depth_value(
-    depth: &Bound<'_, PyAny>,
-    x: isize,
-    y: isize,
-    kind: DepthKind,
-    lens: &Lens,
-) -> PyResult<f64> {
-    let planes = read_depth(depth)?;
-    let at = |name: &str, i: isize, n: usize| {
-        let from_start = if i < 0 { i + n as isize } else { i };
-        if (0..n as isize).contains(&from_start) {
-            Ok(from_start as usize)
-        } else {
-            Err(PyIndexError::new_err(format!("{name} must lie within {n} pixels; got {i}")))
-        }
-    };
-    let (x, y) = (at("x", x, planes.width)?, at("y", y, planes.height)?);
-    let size = (planes.width, planes.height);
-    let mut one = vec![planes.planes[0][y * planes.width + x]; 1];
-    if kind.needs_rays() {
-        // A kind along the ray depends on where the pixel is.
-        let focal_px = lens.focal_px(size.0, size.1);
-        let mut plane = vec![1.0f32; size.0 * size.1];
-        plane[y * size.0 + x] = one[0];
-        one[0] =
-            installed(|| disparity_plane(&plane, size, kind, focal_px, Invalid::Raise))??[y * size.0 + x];
-    } else {
-        one = installed(|| disparity_plane(&one, (1, 1), kind, None, Invalid::Raise))??;
+/// The disparity of a picture, and the places of its pixels before a lens.
+pub struct SeenDepth {
+    pub width: usize,
+    pub height: usize,
+    disparity: Vec<f32>,
+    /// For a lens over relative disparity, which has no places, pixels.
+    rays: Rays,
+}
+
+impl SeenDepth {
+    /// Disparity of a pixel, if it has a depth.
+    pub fn disparity(&self, x: usize, y: usize) -> Option<f64> {
+        let d = self.disparity[y * self.width + x];
+        (!d.is_nan()).then_some(f64::from(d))
     }
-    Ok(f64::from(one[0]))
+
+    /// Where a pixel looks, in focal lengths from the optical axis.
+    pub fn place(&self, x: usize, y: usize) -> [f64; 2] {
+        let Rays { focal_px, centre } = self.rays;
+        [(x as f64 - centre[0]) / focal_px, (y as f64 - centre[1]) / focal_px]
+    }
+}
+
+/// Reads depth as a lens sees it.
+pub fn read_seen_depth(depth: &Bound<'_, PyAny>, words: &DepthWords, lens: &Lens) -> PyResult<SeenDepth> {
+    let kind = read_depth_kind(words, lens)?;
+    let planes = read_depth(depth)?;
+    let (width, height) = (planes.width, planes.height);
+    let rays = Frame::plain(width, height).rays(lens);
+    let (disparity, _) = installed(|| disparities(&planes.planes[0], width, kind, rays))??;
+    let rays = rays.unwrap_or(Rays { focal_px: 1.0, centre: [0.0; 2] });
+    Ok(SeenDepth { width, height, disparity, rays })
 }
 
 /// Colour and depth, read but not yet seen through a lens.
@@ -482,10 +494,16 @@ impl Input {
         self.color.len()
     }
 
-    /// The picture in disparity. Kinds of depth along the ray need `focal_px`; see [`Lens::focal_px`].
-    pub fn picture(&self, kind: DepthKind, focal_px: Option<f64>, invalid: Invalid) -> PyResult<Picture> {
+    /// The picture in disparity. Kinds of depth along the ray need `rays`.
+    pub fn picture(&self, kind: DepthKind, rays: Option<Rays>, invalid: Invalid) -> PyResult<Picture> {
         let size = self.size;
         let layered = self.color.len() > 1;
+        if layered && kind == DepthKind::Relative {
+            return Err(PyValueError::new_err(
+                "depth_kind=\"relative\" brings one picture's disparity to 0 to 1, and cannot be used with layers; \
+                 do that yourself and pass \"disparity\"",
+            ));
+        }
         let layers = self
             .color
             .iter()
@@ -496,18 +514,17 @@ impl Input {
                 if layered {
                     let alpha = &color[size.pixels() * (size.channels - 1)..];
                     let background = match kind {
-                        DepthKind::InverseZ | DepthKind::Disparity | DepthKind::DistanceFromNear { .. } => {
-                            0.0
-                        }
+                        DepthKind::InverseZ
+                        | DepthKind::Disparity
+                        | DepthKind::Relative
+                        | DepthKind::DistanceFromNear { .. } => 0.0,
                         DepthKind::ZBuffer { .. } => 1.0,
                         DepthKind::Z | DepthKind::Distance => f32::INFINITY,
                     };
                     let values = depth.to_mut().iter_mut();
                     values.zip(alpha).filter(|(_, a)| **a <= 0.0).for_each(|(d, _)| *d = background);
                 }
-                let disparity = installed(|| {
-                    disparity_plane(&depth, (size.width, size.height), kind, focal_px, invalid)
-                })??;
+                let disparity = installed(|| disparity_plane(&depth, size.width, kind, rays, invalid))??;
                 Ok(Layer { color: Arc::clone(color), disparity })
             })
             .collect::<PyResult<_>>()?;

@@ -1,8 +1,8 @@
 //! The methods by name, and the options that each of them takes.
 
 use super::aperture::PyAperture;
-use super::errors::choice;
-use crate::aperture::Aperture;
+use super::errors::{choice, shown};
+use crate::aperture::{Aperture, Feature};
 use crate::cpu::lens;
 use crate::error::{Result, value_error};
 use crate::plan::{gaussian, hexagonal, levels, poisson, sprites, taps};
@@ -15,16 +15,23 @@ use pyo3::types::PyDict;
 /// Reads the options of one method.
 type Read = fn(&mut Options<'_, '_>) -> PyResult<Method>;
 
-/// The methods there are.
-const METHODS: [(&str, Read); 7] = [
-    ("lens", read_lens),
-    ("poisson", read_poisson),
-    ("gaussian", read_gaussian),
-    ("hexagonal", read_hexagonal),
-    ("levels", read_levels),
-    ("taps", read_taps),
-    ("sprites", read_sprites),
-];
+/// A method by name: what reads its options, and the ways in which the opening may differ from a clear disc.
+type Entry = (&'static str, (Read, &'static [Feature]));
+
+/// The methods there are. What the lens itself may do under which is told by [`Method::check`].
+const METHODS: [Entry; 7] = {
+    use Feature::{Apodization, Blades, Image, Obstruction, Ratio, Roundness, Spherical};
+    const ANY: &[Feature] = &[Blades, Roundness, Ratio, Obstruction, Apodization, Spherical, Image];
+    [
+        ("lens", (read_lens, ANY)),
+        ("poisson", (read_poisson, &[Blades, Roundness, Ratio, Obstruction, Apodization])),
+        ("gaussian", (read_gaussian, &[])),
+        ("hexagonal", (read_hexagonal, &[Blades])),
+        ("levels", (read_levels, &[])),
+        ("taps", (read_taps, &[])),
+        ("sprites", (read_sprites, ANY)),
+    ]
+};
 
 /// Names of the methods that `render` takes.
 #[pyfunction]
@@ -38,11 +45,32 @@ pub fn read_method(
     aperture: Option<&PyAperture>,
     given: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Method> {
-    let read = choice("method", name, &METHODS)?;
+    let (read, features) = choice("method", name, &METHODS)?;
+    refuse_features(name, aperture, features)?;
     let mut options = Options { method: name, aperture, given, known: Vec::new() };
     let method = read(&mut options)?;
     options.refuse_others()?;
     Ok(method)
+}
+
+/// Refuses openings that the method cannot draw.
+fn refuse_features(method: &str, aperture: Option<&PyAperture>, accepted: &[Feature]) -> Result<()> {
+    let Some(aperture) = aperture else { return Ok(()) };
+    let names = |features: &mut dyn Iterator<Item = Feature>| {
+        let name = |feature: Feature| Feature::NAMES.iter().find(|n| n.1 == feature).map(|n| n.0);
+        features.filter_map(name).collect::<Vec<_>>().join(", ")
+    };
+    let alien = names(&mut aperture.core.features().into_iter().filter(|f| !accepted.contains(f)));
+    if alien.is_empty() {
+        return Ok(());
+    }
+    let can = match accepted {
+        [] => "a plain disc".to_owned(),
+        _ => format!("a disc with no more than {}", names(&mut accepted.iter().copied())),
+    };
+    Err(value_error!(
+        "aperture must be {can} for method={method:?}, which cannot draw {alien}; got {aperture}"
+    ))
 }
 
 fn read_lens(options: &mut Options) -> PyResult<Method> {
@@ -52,7 +80,7 @@ fn read_lens(options: &mut Options) -> PyResult<Method> {
     {
         return Err(value_error!("views must be from 16 to 16384; got {n}").into());
     }
-    Ok(Method::Lens(lens::Settings { aperture: options.aperture(), views }))
+    Ok(Method::Lens(lens::Settings { aperture: options.aperture(), views, barrel: None }))
 }
 
 fn read_poisson(options: &mut Options) -> PyResult<Method> {
@@ -98,14 +126,12 @@ fn read_points(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 3]>> 
 }
 
 fn read_gaussian(options: &mut Options) -> PyResult<Method> {
-    options.only_a_disc()?;
     let focal_range = options.value("focal_range", "a number")?;
     let max_coc_px = options.value("max_coc_px", "a number")?;
     Ok(Method::Gaussian(gaussian::Settings::new(focal_range, max_coc_px)?))
 }
 
 fn read_taps(options: &mut Options) -> PyResult<Method> {
-    options.only_a_disc()?;
     let variant = options.word("variant", &taps::Variant::NAMES)?.unwrap_or(taps::Variant::Thirteen);
     let hyperfocal_factor = options.value("hyperfocal_factor", "a number")?;
     Ok(Method::Taps(taps::Settings::new(variant, hyperfocal_factor)?))
@@ -118,7 +144,6 @@ fn read_hexagonal(options: &mut Options) -> PyResult<Method> {
 }
 
 fn read_levels(options: &mut Options) -> PyResult<Method> {
-    options.only_a_disc()?;
     Ok(Method::Levels(levels::Settings::new(options.value("c0_px", "a number")?)?))
 }
 
@@ -136,11 +161,6 @@ fn read_sprites(options: &mut Options) -> PyResult<Method> {
         options.value("coc_threshold_px", "a number")?.unwrap_or(sprites::Settings::THRESHOLD_PX);
     let max_coc_px = options.value("max_coc_px", "a number")?.unwrap_or(sprites::Settings::MAX_COC_PX);
     Ok(Method::Sprites(sprites::Settings::new(shape, threshold_px, max_coc_px)?))
-}
-
-/// A value as an error shows it.
-fn shown(value: &Bound<'_, PyAny>) -> String {
-    value.repr().map_or_else(|_| value.get_type().to_string(), |repr| repr.to_string())
 }
 
 /// The options that a caller gave; what reads one also makes it known. None stands for an option not given.
@@ -191,18 +211,7 @@ impl<'py> Options<'_, 'py> {
 
     /// The shape of the opening.
     fn aperture(&self) -> Aperture {
-        self.aperture.map_or(Aperture::DISC, |a| a.core)
-    }
-
-    /// Refuses any other opening than a disc.
-    fn only_a_disc(&self) -> Result<()> {
-        match self.aperture {
-            Some(a) if a.core != Aperture::DISC => Err(value_error!(
-                "aperture must be a plain disc for method={:?}, which cannot draw another shape; got {a}",
-                self.method
-            )),
-            _ => Ok(()),
-        }
+        self.aperture.map_or(Aperture::DISC, |a| a.core.clone())
     }
 
     /// Refuses what is not an option of the method.

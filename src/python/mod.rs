@@ -29,7 +29,7 @@ pub mod _dofsim {
         write_exr, write_pfm, write_png, write_tiff,
     };
     #[pymodule_export]
-    use super::lens::PyLens;
+    use super::lens::{PyLens, sensors};
     #[pymodule_export]
     use super::methods::methods_available;
     #[pymodule_export]

@@ -9,9 +9,9 @@ use super::errors::DeviceError;
 use super::lens::PyLens;
 use super::methods::read_method;
 use super::run::{detached, installed, simd};
-use crate::depth::{DepthKind, Invalid, disparity_plane};
+use crate::depth::{DepthKind, Invalid, Rays, disparity_plane};
 use crate::device::Device;
-use crate::optics::{Lens, Optics};
+use crate::optics::{self, Base, Imaging, Lens};
 use crate::picture::Size;
 use crate::render::{Method, Rendered, Scene};
 use numpy::{PyArray1, PyArrayMethods};
@@ -57,16 +57,10 @@ impl Frame {
         Size { width: side(size.width), height: side(size.height), channels: size.channels }
     }
 
-    /// The lens over the picture: the field of view spans the output, whose pixels the picture divides.
-    fn optics(&self, size: Size, lens: &Lens) -> Optics {
-        let output = self.output(size);
-        let optics = lens.optics(output.width, output.height);
-        Optics { k: optics.k * self.supersample as f64, ..optics }
-    }
-
-    fn focal_px(&self, size: Size, lens: &Lens) -> Option<f64> {
-        let output = self.output(size);
-        lens.focal_px(output.width, output.height).map(|f| f * self.supersample as f64)
+    /// The picture as the lens has it: the field of view spans the output, whose pixels the picture divides.
+    fn geometry(&self, size: Size) -> optics::Frame {
+        let Size { width, height, .. } = self.output(size);
+        optics::Frame { width, height, finer: self.supersample, margin: self.overscan }
     }
 
     /// The output out of the resolved picture, which still has its margin.
@@ -99,15 +93,16 @@ impl Frame {
 ///     How to compute; see the notes. All but ``"lens"`` take one layer and are for speed or for their own looks.
 /// device : str, optional
 ///     Where to compute: ``"cpu"``, ``"gpu"``, one of `devices` by its ``id`` or its name, or ``"auto"`` (default): a
-///     GPU if there is one, for the methods that have a GPU path, else the CPU. A software rasteriser is used only if
-///     it is named. The environment variable ``DOFSIM_DEVICE`` says what ``"auto"`` and ``"gpu"`` stand for.
+///     GPU if there is one, for the methods and lenses that have a GPU path, else the CPU. A software rasteriser is
+///     used only if it is named. The environment variable ``DOFSIM_DEVICE`` says what ``"auto"`` and ``"gpu"`` stand for.
 /// aperture : Aperture, optional
 ///     Shape of the opening; a disc if not given. Methods that cannot draw another shape refuse it.
 /// depth_kind : str, optional
 ///     ``"z"`` (planar, metres, default), ``"distance"`` (from the pinhole along the ray, metres),
-///     ``"inverse_z"`` (1/m), ``"disparity"`` (relative; needs `Lens.from_disparity`), ``"zbuffer"`` (0 to 1
-///     between `near` and `far`) or ``"distance_from_near"`` (Mitsuba's depth AOV: along the ray from the near
-///     plane, 0 where nothing is hit).
+///     ``"inverse_z"`` (1/m), ``"disparity"`` (relative; needs `Lens.from_disparity`), ``"relative"`` (the same of any
+///     scale, brought to 0 (far) to 1 (near) robustly first: those are its 1st and 99th percentile),
+///     ``"zbuffer"`` (0 to 1 between `near` and `far`) or ``"distance_from_near"`` (Mitsuba's depth AOV: along the
+///     ray from the near plane, 0 where nothing is hit).
 /// near, far : float, optional
 ///     Clip planes in metres, for the kinds that need them.
 /// invalid : {"raise", "far"}, optional
@@ -267,7 +262,7 @@ pub fn render<'py>(
 /// Returns
 /// -------
 /// ndarray
-///     float32, the shape of `depth`. Positive behind the focus plane, negative in front of it.
+///     float32, the shape of `depth`. Positive behind the focus, negative in front of it; without axial colour.
 ///
 /// Raises
 /// ------
@@ -296,13 +291,16 @@ pub fn coc<'py>(
     let invalid = read_invalid(invalid)?;
     let planes = read_depth(depth)?;
     let size = (planes.width, planes.height);
-    let optics = lens.core.optics(size.0, size.1);
-    let focal_px = lens.core.focal_px(size.0, size.1);
+    let frame = optics::Frame::plain(size.0, size.1);
+    let (imaging, rays) = (frame.imaging(&lens.core)?, frame.rays(&lens.core));
     let mut radius = Vec::with_capacity(size.0 * size.1 * planes.planes.len());
     for plane in &planes.planes {
-        let disparity = installed(|| disparity_plane(plane, size, kind, focal_px, invalid))??;
+        let disparity = installed(|| disparity_plane(plane, size.0, kind, rays, invalid))??;
         // Adding zero turns the negative zero of the focus plane into a plain one.
-        radius.extend(disparity.iter().map(|&d| (0.0 - optics.shift_px(f64::from(d))) as f32 + 0.0));
+        radius.extend(disparity.iter().enumerate().map(|(i, &d)| {
+            let offset = imaging.surface.offset((i % size.0) as f64, (i / size.0) as f64);
+            (0.0 - imaging.optics.shift_px(f64::from(d) - offset)) as f32 + 0.0
+        }));
     }
     let shape: Vec<usize> = depth.getattr("shape")?.extract()?;
     Ok(PyArray1::from_vec(py, radius).reshape(shape)?.into_any())
@@ -338,8 +336,8 @@ pub struct PyScene {
     kind: DepthKind,
     depth_words: (String, Option<f64>, Option<f64>),
     invalid: Invalid,
-    /// The scene in disparity, with the focal length that it was converted with, where that matters.
-    scene: Mutex<Option<(Option<f64>, Arc<Scene>)>>,
+    /// The scene in disparity, with the rays that it was converted with, where they matter.
+    scene: Mutex<Option<(Option<Rays>, Arc<Scene>)>>,
 }
 
 impl PyScene {
@@ -348,17 +346,17 @@ impl PyScene {
         let (depth_kind, near, far) = (self.depth_words.0.as_str(), self.depth_words.1, self.depth_words.2);
         read_depth_kind(&DepthWords { depth_kind, near, far }, lens)?;
         let size = self.input.size;
-        let focal_px = self.frame.focal_px(size, lens).filter(|_| self.kind.needs_rays());
+        let rays = self.frame.geometry(size).rays(lens).filter(|_| self.kind.needs_rays());
         // As for the sheets of a scene, the lock is not held over parallel work.
         let cached = || self.scene.lock().unwrap_or_else(PoisonError::into_inner);
         let at_hand =
-            cached().as_ref().filter(|(made_with, _)| *made_with == focal_px).map(|(_, s)| Arc::clone(s));
+            cached().as_ref().filter(|(made_with, _)| *made_with == rays).map(|(_, s)| Arc::clone(s));
         if let Some(scene) = at_hand {
             return Ok(scene);
         }
-        let picture = self.input.picture(self.kind, focal_px, self.invalid)?;
-        let scene = Arc::new(Scene::new(picture, self.frame.supersample));
-        *cached() = Some((focal_px, Arc::clone(&scene)));
+        let picture = self.input.picture(self.kind, rays, self.invalid)?;
+        let scene = Arc::new(Scene::new(picture, self.format().lights(size), self.frame.supersample));
+        *cached() = Some((rays, Arc::clone(&scene)));
         Ok(scene)
     }
 
@@ -375,14 +373,16 @@ impl PyScene {
         threads: Option<usize>,
     ) -> PyResult<Vec<Rendered>> {
         let Some(first) = lenses.first() else { return Ok(Vec::new()) };
-        method.check(first, self.input.layers())?;
-        self.device.place(method)?;
+        method.check(first, self.input.layers(), self.format().lights(self.input.size))?;
+        let geometry = self.frame.geometry(self.input.size);
+        let imagings: Vec<Imaging> =
+            lenses.iter().map(|lens| geometry.imaging(lens)).collect::<crate::error::Result<_>>()?;
+        self.device.place(method, &imagings)?;
         let scene = self.scene(first)?;
         let simd = simd()?;
         let (frame, size, device) = (self.frame, self.input.size, self.device);
-        let optics: Vec<Optics> = lenses.iter().map(|lens| frame.optics(size, lens)).collect();
         detached(py, threads, move |cancel| {
-            let rendered = scene.render_each(&optics, method, device, simd, cancel)?.into_iter();
+            let rendered = scene.render_each(&imagings, method, device, simd, cancel)?.into_iter();
             Ok(rendered.map(|one| Rendered { pixels: frame.crop(one.pixels, size), ..one }).collect())
         })
     }
@@ -507,11 +507,12 @@ impl PyScene {
         if distances.is_empty() {
             return Err(PyValueError::new_err("distances must hold at least one distance"));
         }
-        let focused = distances.iter().map(|&distance| match lens.core {
-            Lens::Thin { aperture_radius, fov, fov_axis, .. } => {
-                Lens::thin(aperture_radius, distance, fov, fov_axis)
+        let focused = distances.iter().map(|&distance| match lens.core.base {
+            Base::Thin { aperture_radius, fov, fov_axis, .. } => {
+                let lens_there = Lens::thin(aperture_radius, distance, fov, fov_axis)?;
+                lens_there.mounted(lens.core.mount)?.flawed(lens.core.flaws)
             }
-            Lens::Relative { strength_px, .. } => Lens::from_disparity(strength_px, distance),
+            Base::Relative { .. } => lens.core.focused_at_disparity(distance),
         });
         let lenses = focused.collect::<crate::error::Result<Vec<_>>>()?;
         let rendered = self.rendered(py, &lenses, &method, threads)?;

@@ -146,7 +146,7 @@ def _name(given: dict[str, Any]) -> str:
 
 
 def _lens_value(name: str, value: Any) -> float | str:
-    if name == "fov_axis":
+    if name in ("fov_axis", "sensor"):
         return str(value)
     try:
         return float(value)

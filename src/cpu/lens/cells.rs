@@ -46,6 +46,11 @@ impl Codes {
         self.s_min + (code - 1.0) * self.step
     }
 
+    /// Where a shift lies between codes; undoes [`Codes::decode`].
+    pub fn place(&self, s: f64) -> f64 {
+        (s - self.s_min) / self.step + 1.0
+    }
+
     pub fn step(&self) -> f64 {
         self.step
     }

@@ -43,6 +43,19 @@ impl Colors {
         Colors { size: self.size, planes: self.planes.clone(), own: changes }
     }
 
+    /// These channels alone.
+    pub fn of_channels(&self, channels: &[usize]) -> Colors {
+        let n = self.size.pixels();
+        let planes = self.planes.as_ref().map(|planes| {
+            Arc::new(channels.iter().flat_map(|&c| &planes[c * n..][..n]).copied().collect::<Vec<_>>())
+        });
+        let own = self.own.iter().map(|cell| Own {
+            index: cell.index,
+            color: std::array::from_fn(|i| channels.get(i).map_or(0.0, |&c| cell.color[c])),
+        });
+        Colors { size: Size { channels: channels.len(), ..self.size }, planes, own: own.collect() }
+    }
+
     /// Whether only listed cells have a colour.
     pub fn is_list(&self) -> bool {
         self.planes.is_none()

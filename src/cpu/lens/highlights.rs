@@ -3,6 +3,7 @@
 //! What such a cell has above its surroundings is taken out of the sheets and drawn as the exact, area-weighted
 //! opening; each pixel of it asks along its own ray whether something nearer is in the way.
 
+use super::barrel::Clip;
 use super::blocks::BLOCK;
 use super::colors::{Colors, Own};
 use super::kernels::{self, Kernels};
@@ -25,6 +26,7 @@ pub struct Scene<'a> {
     pub packed: &'a Packed,
     pub s_focus: f64,
     pub kernels: &'a Kernels,
+    pub clip: Option<&'a Clip>,
 }
 
 /// The light of one cell above its surroundings, and its disc.
@@ -342,6 +344,13 @@ impl Highlight {
                 if self.hidden_in_part && self.is_hidden_from(scene.packed, scene.s_focus, l) {
                     return;
                 }
+                let weight = match scene.clip {
+                    None => weight,
+                    Some(clip) => {
+                        let place = [origin.0 as f64 + f64::from(x), origin.1 as f64 + f64::from(y)];
+                        weight * clip.share(place, l, self.t) as f32
+                    }
+                };
                 for (plane, e) in out.planes.iter_mut().zip(self.excess) {
                     plane[y as usize * TILE.0 + x as usize] += weight * e;
                 }

@@ -3,6 +3,7 @@
 //! [`sheets`] takes the picture apart into cells (what is in front, what is behind, what is hidden), [`pack`] lays
 //! them out for one focus, [`tiles`] plans, and each tile is a copy, an exact [`disc`], or a [`sweep`].
 
+pub(crate) mod barrel;
 pub(crate) mod blocks;
 pub(crate) mod cells;
 pub(crate) mod colors;
@@ -20,6 +21,7 @@ pub(crate) mod sweep;
 pub(crate) mod tiles;
 mod unmix;
 
+pub use barrel::Clip;
 pub use sheets::{Sheet, Sheets};
 
 use crate::aperture::Aperture;
@@ -29,7 +31,7 @@ use crate::cpu::simd::Simd;
 use crate::cpu::tiles::split;
 use crate::error::{Result, value_error};
 use crate::memory;
-use crate::optics::Optics;
+use crate::optics::{Barrel, Optics};
 use crate::picture::Picture;
 use colors::Colors;
 use highlights::Highlights;
@@ -45,19 +47,20 @@ use tiles::Work;
 pub const MAX_RADIUS_PX: f64 = 2048.0;
 
 /// The choices that a caller has.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Settings {
     /// The opening.
     pub aperture: Aperture,
     /// Number of views everywhere, or chosen for each tile.
     pub views: Option<usize>,
+    /// The second stop of the lens, if it clips anything.
+    pub barrel: Option<Barrel>,
 }
 
 /// Refuses lenses whose circles of confusion are beyond reason.
 pub fn check_radius(picture: &Picture, optics: &Optics) -> Result<()> {
-    // The shift is linear in disparity, so that it is largest at one end.
-    let ends = picture.layers.iter().flat_map(|layer| layer.disparity_range());
-    let radius = ends.map(|d| optics.shift_px(f64::from(d)).abs()).fold(0.0, f64::max);
+    let radii = picture.layers.iter().map(|layer| optics.largest_radius_px(layer.disparity_range()));
+    let radius = radii.fold(0.0, f64::max);
     if radius.is_nan() || radius > MAX_RADIUS_PX {
         return Err(value_error!(
             "lens: the largest circle of confusion would have a radius of {radius:.0} px; at most \
@@ -87,6 +90,7 @@ pub fn render(
     let size = picture.size;
     let mut out = memory::zeros(size.pixels() * size.channels);
     cancel.check()?;
+    let clip = settings.barrel.map(|barrel| Clip::new(barrel, &settings.aperture));
     let Plan { s_focus, reach_px, padding, blocks, tiles, view_sets, footprint, missed } =
         Plan::new(sheets, optics, settings, supersample);
     let needed = tiles::needed(&padding, &blocks, &tiles);
@@ -129,7 +133,7 @@ pub fn render(
         simd,
     };
 
-    let scene = highlights::Scene { packed: &packed, s_focus, kernels: &kernels };
+    let scene = highlights::Scene { packed: &packed, s_focus, kernels: &kernels, clip: clip.as_ref() };
     let mut slots = split(&mut out, size, TILE);
     slots.par_iter_mut().zip(&tiles).enumerate().try_for_each_init(
         || (Segments::default(), Around::default(), TileColor::new(size.channels)),
@@ -140,7 +144,13 @@ pub fn render(
                 Work::Disc if highlights_are_out => gather.tile(tile.origin, &mut around.dim, color),
                 Work::Disc => gather.tile(tile.origin, &mut around.any, color),
                 Work::Sweep { views, occupied } => {
-                    let start = Start { packed: &packed, s_focus, origin: tile.origin, occupied };
+                    let start = Start {
+                        packed: &packed,
+                        s_focus,
+                        origin: tile.origin,
+                        occupied,
+                        clip: clip.as_ref(),
+                    };
                     segments.trace(&start, &view_sets[views]);
                     sweep::sweep(simd, &packed, segments, tile.origin, missed, color);
                 }

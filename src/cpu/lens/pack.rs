@@ -331,7 +331,7 @@ fn sharpen(rows: &Rows, chunk: &Range<usize>, kappa: &[f32; CHUNK], out: &mut [f
 impl Packed {
     /// Lays out the depths of all sheets in the needed blocks; colours come with [`Packed::set_colors`].
     pub fn new(sheets: &Sheets, padding: Padding, blocks: Blocks, reach_px: f64, needed: &[bool]) -> Packed {
-        let packed = sheets.sheets.iter().zip(&sheets.depths).enumerate();
+        let packed = sheets.sheets.iter().zip(sheets.depths.iter()).enumerate();
         let packed =
             packed.map(|(k, (sheet, d))| depths(d, sheet, &padding, Present::new(&blocks, k, needed)));
         let packed = packed.collect();

@@ -43,7 +43,13 @@ impl Plan {
         let reach_px = (sheets.shifts.0 - s_focus).abs().max((sheets.shifts.1 - s_focus).abs());
         let padding = Padding::new(sheets.size.width, sheets.size.height, reach_px);
         let blocks = sheets.blocks.padded(&padding);
-        let frame = tiles::Frame { padding: &padding, codes: &sheets.codes, blocks: &blocks, s_focus };
+        let frame = tiles::Frame {
+            padding: &padding,
+            codes: &sheets.codes,
+            blocks: &blocks,
+            s_focus,
+            barrel: settings.barrel.as_ref(),
+        };
         let tiles = tiles::plan(&frame, count_views);
         let view_sets = view_sets(&tiles, &settings.aperture);
         let footprint = Footprint::new(reach_px, |t| views::spacing_px(t, area, count_views(t)));

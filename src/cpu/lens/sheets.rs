@@ -17,17 +17,17 @@ use crate::picture::{Layer, Picture, Size};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// One cell a pixel at most.
+/// One cell a pixel at most. Sheets of single channels share all but the colours.
 pub struct Sheet {
     /// Shift of every cell relative to infinity, in pixels; NaN where there is none.
-    pub s: Vec<f32>,
+    pub s: Arc<Vec<f32>>,
     /// Colour of every cell; zero where there is none.
     pub colors: Colors,
     /// The cells that cover their pixel in part, by rising index.
-    pub partial: Vec<(usize, HalfPlane)>,
+    pub partial: Arc<Vec<(usize, HalfPlane)>>,
     /// Steeper neighbours than [`surfaces::CONNECTED_PX`] that are one surface all the same; see
     /// [`surfaces::links`]. Empty for a sheet whose cells are no plain pixels.
-    pub links: Vec<u8>,
+    pub links: Arc<Vec<u8>>,
 }
 
 /// All sheets of a scene, front to back.
@@ -44,9 +44,9 @@ pub struct Sheets {
     /// How depths are coded.
     pub codes: Codes,
     /// The depths of each sheet.
-    pub depths: Vec<Depths>,
+    pub depths: Arc<Vec<Depths>>,
     /// What the blocks of the frame hold.
-    pub blocks: Blocks,
+    pub blocks: Arc<Blocks>,
 }
 
 impl Sheets {
@@ -56,7 +56,26 @@ impl Sheets {
         let depths: Vec<_> =
             (0..sheets.len()).map(|sheet| Depths::new(&sheets, size, sheet, &codes, simd)).collect();
         let blocks = Blocks::new(size, &depths, &codes, &sheets[0].links, simd);
-        Sheets { size, sheets, opaque, shifts, codes, depths, blocks }
+        Sheets { size, sheets, opaque, shifts, codes, depths: Arc::new(depths), blocks: Arc::new(blocks) }
+    }
+
+    /// The same cells with these channels of their colours.
+    pub fn of_channels(&self, channels: &[usize]) -> Sheets {
+        let of = |sheet: &Sheet| Sheet {
+            s: Arc::clone(&sheet.s),
+            colors: sheet.colors.of_channels(channels),
+            partial: Arc::clone(&sheet.partial),
+            links: Arc::clone(&sheet.links),
+        };
+        Sheets {
+            size: Size { channels: channels.len(), ..self.size },
+            sheets: self.sheets.iter().map(of).collect(),
+            opaque: self.opaque,
+            shifts: self.shifts,
+            codes: self.codes,
+            depths: Arc::clone(&self.depths),
+            blocks: Arc::clone(&self.blocks),
+        }
     }
 }
 
@@ -85,7 +104,7 @@ fn from_one_layer(size: Size, layer: &Layer, k: f64, simd: Simd, cancel: &Cancel
     let frame = Frame { size, color: &layer.color, s: &s, links: &links };
     let mixed = unmix(&frame, cancel)?;
     if mixed.is_empty() {
-        let front = Sheet { s, colors, partial: Vec::new(), links };
+        let front = Sheet { s: Arc::new(s), colors, partial: Arc::default(), links: Arc::new(links) };
         return Ok(Sheets::new(size, vec![front], true, simd));
     }
     let partial = half_planes(&frame, &mixed);
@@ -106,9 +125,14 @@ fn from_one_layer(size: Size, layer: &Layer, k: f64, simd: Simd, cancel: &Cancel
     both.iter().for_each(|m| back_s[m.index] = m.s_back);
     hidden.iter().for_each(|h| back_s[h.index] = h.s);
 
-    let front = Sheet { s, colors: colors.with(front_colors), partial, links };
+    let front = Sheet {
+        s: Arc::new(s),
+        colors: colors.with(front_colors),
+        partial: Arc::new(partial),
+        links: Arc::new(links),
+    };
     let colors = Colors::of_cells(size, back_colors);
-    let back = Sheet { s: back_s, colors, partial: Vec::new(), links: Vec::new() };
+    let back = Sheet { s: Arc::new(back_s), colors, partial: Arc::default(), links: Arc::default() };
     Ok(Sheets::new(size, vec![front, back], true, simd))
 }
 
@@ -156,7 +180,8 @@ fn from_layers(size: Size, layers: &[Layer], k: f64, simd: Simd, cancel: &Cancel
                 }
             });
             let partial = layer_half_planes(size, coverage);
-            Ok(Sheet { s, colors: Colors::new(size, Arc::new(color)), partial, links })
+            let colors = Colors::new(size, Arc::new(color));
+            Ok(Sheet { s: Arc::new(s), colors, partial: Arc::new(partial), links: Arc::new(links) })
         })
         .collect::<Result<Vec<_>>>()?;
     let covered = |i: usize| layers.iter().any(|l| l.color[alpha * n + i] >= 1.0);

@@ -4,6 +4,7 @@
 //! offset. So a ray's way into the scene is a list of segments, near to far, each "look at the cells at this
 //! offset, take those whose depth lies in this interval": contiguous loads, no z-buffer, no gather.
 
+use super::barrel::{Clip, Seen};
 use super::blocks::{BLOCK, DepthBits, any_bin};
 use super::cells::Codes;
 use super::lanes::{HalfPlaneRow, LANES, Lanes, Portable, Ray};
@@ -32,6 +33,8 @@ pub struct Segments {
     rays: Vec<Ray>,
     /// End of each view's segments.
     ends: Vec<u32>,
+    /// For each view, the pixels of each row of the tile that see it; empty where all see all.
+    seen: Vec<Seen>,
 }
 
 /// Runs of set bits, as `first .. end`.
@@ -53,6 +56,8 @@ pub struct Start<'a> {
     pub origin: (usize, usize),
     /// The depths that occur anywhere within reach.
     pub occupied: &'a DepthBits,
+    /// What the barrel hides from pixels, if anything.
+    pub clip: Option<&'a Clip>,
 }
 
 impl Start<'_> {
@@ -66,29 +71,59 @@ impl Start<'_> {
 }
 
 impl Segments {
+    /// How many views a pixel of the tile sees.
+    fn seen_from(&self, x: usize, y: usize) -> usize {
+        if self.seen.is_empty() {
+            return self.ends.len();
+        }
+        self.seen.iter().filter(|rows| rows[y] >> x & 1 != 0).count()
+    }
+
+    /// Which of the `LANES` x `ROWS` pixels from `(x, y)` see view number `view`.
+    #[inline(always)]
+    fn waiting(&self, view: usize, (x, y): (usize, usize)) -> [u32; ROWS] {
+        match self.seen.get(view) {
+            None => [u32::MAX; ROWS],
+            Some(rows) => std::array::from_fn(|row| (rows[y + row] >> x) as u32),
+        }
+    }
+
     /// Follows every view through the depths that occur, near to far.
     pub fn trace(&mut self, start: &Start, views: &[View]) {
         self.segments.clear();
         self.rays.clear();
         self.ends.clear();
+        self.seen.clear();
         let runs = runs(start.occupied);
         for view in views {
-            for &run in runs.iter().rev() {
-                self.trace_run(start, view, run);
+            if let Some(clip) = start.clip {
+                let Some(seen) = clip.view(view.pupil, start.origin) else { continue };
+                self.seen.push(seen);
+            }
+            for &(first_bin, end_bin) in runs.iter().rev() {
+                let (near, far) = ((end_bin * 256).min(usize::from(u16::MAX)), (first_bin * 256).max(1));
+                if view.in_front == view.behind {
+                    self.trace_run(start, view.in_front, view.start, near, far);
+                } else {
+                    // At the focus all rays are where they start, so that one may go on as another.
+                    let focus = start.packed.codes.place(start.s_focus).round();
+                    let focus = focus.clamp(far as f64, near as f64) as usize;
+                    self.trace_run(start, view.in_front, view.start, near, focus);
+                    self.trace_run(start, view.behind, view.start, focus, far);
+                }
             }
             self.ends.push(self.segments.len() as u32);
         }
     }
 
-    /// The segments of one view between two depths.
-    fn trace_run(&mut self, start: &Start, view: &View, (first_bin, end_bin): (usize, usize)) {
+    /// The segments of a ray from `ray_start` and through lens point `lens`, between two depths.
+    fn trace_run(&mut self, start: &Start, lens: [f64; 2], ray_start: [f64; 2], near: usize, far: usize) {
         let Start { packed, s_focus, .. } = *start;
         let codes: &Codes = &packed.codes;
         // The ray's place as a function of the code: start + lens t, with t linear in the code.
         let t_at_0 = codes.decode(0.0) - s_focus;
-        let slope = view.lens.map(|l| l * codes.step());
-        let base = [0, 1].map(|i| view.start[i] + view.lens[i] * t_at_0);
-        let (near, far) = ((end_bin * 256).min(usize::from(u16::MAX)), (first_bin * 256).max(1));
+        let slope = lens.map(|l| l * codes.step());
+        let base = [0, 1].map(|i| ray_start[i] + lens[i] * t_at_0);
 
         let mut cell = [0, 1].map(|i| (base[i] + slope[i] * near as f64).round());
         let mut to = near;
@@ -153,7 +188,8 @@ impl TileColor {
     }
 }
 
-/// Sweeps `LANES` x `ROWS` pixels whose first is at `base`, adding up every view.
+/// Sweeps `LANES` x `ROWS` pixels whose first is at `at_tile` in the tile and at `base` in the padded frame, adding up
+/// every view.
 ///
 /// # Safety
 ///
@@ -162,6 +198,7 @@ impl TileColor {
 unsafe fn sweep_rows<L: Lanes, const C: usize>(
     packed: &Packed,
     segments: &Segments,
+    at_tile: (usize, usize),
     base: usize,
     sums: &mut [[[f32; LANES]; C]; ROWS],
     missed: &mut [[u16; LANES]; ROWS],
@@ -171,9 +208,9 @@ unsafe fn sweep_rows<L: Lanes, const C: usize>(
     unsafe {
         let mut sum = [[L::zero(); C]; ROWS];
         let mut start = 0;
-        for &end in &segments.ends {
+        for (view, &end) in segments.ends.iter().enumerate() {
             let end = end as usize;
-            let mut waiting = [u32::MAX; ROWS];
+            let mut waiting = segments.waiting(view, at_tile);
             for i in start..end {
                 let segment = &segments.segments[i];
                 let sheet = &packed.sheets[segment.sheet as usize];
@@ -250,16 +287,16 @@ unsafe fn sweep_tile<L: Lanes, const C: usize>(
     missed_rule: Missed,
     out: &mut TileColor,
 ) {
-    let views = segments.ends.len() as f32;
     for y in (0..TILE.1).step_by(ROWS) {
         for x in (0..TILE.0).step_by(LANES) {
             let base = packed.padding.index(origin.0 + x, origin.1 + y);
             let mut sums = [[[0.0; LANES]; C]; ROWS];
             let mut missed = [[0u16; LANES]; ROWS];
             // SAFETY: per the function's contract.
-            unsafe { sweep_rows::<L, C>(packed, segments, base, &mut sums, &mut missed) };
+            unsafe { sweep_rows::<L, C>(packed, segments, (x, y), base, &mut sums, &mut missed) };
             for row in 0..ROWS {
                 for lane in 0..LANES {
+                    let views = segments.seen_from(x + lane, y + row) as f32;
                     let met = match missed_rule {
                         Missed::Nothing => views,
                         Missed::Unknown => views - f32::from(missed[row][lane]),

@@ -3,6 +3,7 @@
 use super::blocks::{BLOCK, Blocks, DepthBits};
 use super::cells::Codes;
 use super::pack::{Padding, TILE};
+use crate::optics::Barrel;
 use rayon::prelude::*;
 
 /// A disc up to this radius lies inside its own pixel.
@@ -57,6 +58,8 @@ pub struct Frame<'a> {
     /// The blocks of the padded frame.
     pub blocks: &'a Blocks,
     pub s_focus: f64,
+    /// Set if pixels see the lens clipped, each in its own way: no disc is the same for all of a tile.
+    pub barrel: Option<&'a Barrel>,
 }
 
 /// The padded blocks that come within `margin` pixels of the tile at `origin`.
@@ -75,7 +78,7 @@ fn blocks_around(
 
 /// Plans every tile; `count_views` says how many views a largest disc of some radius needs.
 pub fn plan(frame: &Frame, count_views: impl Fn(f64) -> usize + Sync) -> Vec<Tile> {
-    let Frame { padding, codes, blocks, s_focus } = *frame;
+    let Frame { padding, codes, blocks, s_focus, barrel } = *frame;
     let shift = |code: u16| codes.decode(f64::from(code)) - s_focus;
     let block_reach: Vec<f64> = blocks
         .range
@@ -111,8 +114,8 @@ pub fn plan(frame: &Frame, count_views: impl Fn(f64) -> usize + Sync) -> Vec<Til
         }
         let work = if reach <= IN_FOCUS_PX {
             Work::Copy
-        } else if steepest
-            .is_some_and(|codes_per_px| f64::from(codes_per_px) * codes.step() * reach <= TILT_PX)
+        } else if barrel.is_none()
+            && steepest.is_some_and(|codes_per_px| f64::from(codes_per_px) * codes.step() * reach <= TILT_PX)
         {
             Work::Disc
         } else {

@@ -86,7 +86,7 @@ fn half_planes(sheets: &[Sheet], pixels: usize) -> Vec<u32> {
     let mut words = memory::zeros(sheets.len() * pixels);
     let mut planes: Vec<u32> = Vec::new();
     for (first, sheet) in (0..).step_by(pixels).zip(sheets) {
-        for (index, plane) in &sheet.partial {
+        for (index, plane) in sheet.partial.iter() {
             let [x, y] = plane.normal;
             planes.extend([x, y, plane.cut].map(f32::to_bits));
             words[first + index] = planes.len() as u32 / 3;

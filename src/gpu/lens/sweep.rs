@@ -72,8 +72,8 @@ fn depth_words(bits: &DepthBits) -> [u32; 8] {
 fn trace(codes: &Codes, s_focus: f64, view: &views::View) -> ([f32; 2], Vec<Stretch>) {
     // The ray's place as a function of the code: start + lens t, with t linear in the code.
     let t_at_0 = codes.decode(0.0) - s_focus;
-    let slope = view.lens.map(|l| l * codes.step());
-    let base = [0, 1].map(|i| view.start[i] + view.lens[i] * t_at_0);
+    let slope = view.in_front.map(|l| l * codes.step());
+    let base = [0, 1].map(|i| view.start[i] + view.in_front[i] * t_at_0);
     let (near, far) = (usize::from(u16::MAX), 1);
     let mut cell = [0, 1].map(|i| (base[i] + slope[i] * near as f64).round());
     let mut stretches = Vec::new();

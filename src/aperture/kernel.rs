@@ -1,0 +1,175 @@
+//! The picture of a point out of focus: the opening, scaled by the shift and averaged over each pixel.
+
+use super::coverage::Coverage;
+use super::outline::Outline;
+use super::picture::Picture;
+use super::profile::Profile;
+use super::{Aperture, Shape, Side};
+
+impl Aperture {
+    /// The picture of a point under shift `t` pixels: how much of each pixel the opening, scaled by `t`, covers.
+    pub fn kernel(&self, t: f64) -> Kernel {
+        self.kernel_on(Side::of(t), t)
+    }
+
+    /// The same, of a point on one side of the focus plane, whatever side the sign of `t` turns it to.
+    pub fn kernel_on(&self, side: Side, t: f64) -> Kernel {
+        let reach = (t.abs() + 0.5).ceil() as i32;
+        match &self.shape {
+            Shape::Outline(Outline::Disc) if self.is_plain_disc() => disc_kernel(t, reach),
+            Shape::Outline(outline) => self.outline_kernel(outline, side, t, reach),
+            Shape::Picture(picture) => self.picture_kernel(picture, t, reach),
+        }
+    }
+
+    fn is_plain_disc(&self) -> bool {
+        self.profile == Profile::FLAT && self.squeeze == [1.0; 2] && self.lean == [0.0; 2]
+    }
+
+    /// An opening inside an outline: areas of whole polygons, added up.
+    fn outline_kernel(&self, outline: &Outline, side: Side, t: f64, reach: i32) -> Kernel {
+        // A rim for every pixel, so that no step shows, but enough for the light of small ones.
+        let steps = (t.abs() as usize).clamp(24, 256);
+        let contour = outline.contour();
+        let mut coverage = Coverage::new(reach);
+        let stack = self.profile.stack(steps, side);
+        // Transmission is 1 where most light passes.
+        let levels = stack.iter().scan(0.0, |level, s| {
+            *level += s.1;
+            Some(*level)
+        });
+        let greatest = levels.fold(0.0, f64::max);
+        for &(scale, weight) in &stack {
+            let polygon: Vec<_> =
+                contour.iter().map(|l| self.placed(l.map(|v| scale * v)).map(|v| t * v)).collect();
+            coverage.add(&polygon, weight / greatest);
+        }
+        let areas = coverage.finish();
+        let across = 2 * reach + 1;
+        Kernel::from_weights(reach, |dx, dy| {
+            let area = areas[((dy + reach) * across + dx + reach) as usize];
+            if area == 0.0 { 0.0 } else { area * self.density([dx, dy].map(|d| f64::from(d) / t)) }
+        })
+    }
+
+    /// An opening given by a picture: the light of the box that each pixel is in it.
+    fn picture_kernel(&self, picture: &Picture, t: f64, reach: i32) -> Kernel {
+        let source = |x: f64, y: f64| self.source([x / t, y / t]);
+        // Texels to a pixel, so that weights are means.
+        let per_pixel = picture.texels() / (4.0 * t * t * self.squeeze[0] * self.squeeze[1]);
+        Kernel::from_weights(reach, |dx, dy| {
+            let (x, y) = (f64::from(dx), f64::from(dy));
+            let columns = [source(x - 0.5, y)[0], source(x + 0.5, y)[0]];
+            let rows = [source(x, y - 0.5)[1], source(x, y + 0.5)[1]];
+            let least = [columns[0].min(columns[1]), rows[0].min(rows[1])];
+            let greatest = [columns[0].max(columns[1]), rows[0].max(rows[1])];
+            picture.between(least, greatest) / per_pixel
+        })
+    }
+}
+
+/// A clear disc, in closed form.
+fn disc_kernel(t: f64, reach: i32) -> Kernel {
+    let r = t.abs();
+    // The unit pixel's nearest and farthest points from the centre settle most cases.
+    let outside = |d: i32| (f64::from(d.abs()) - 0.5).max(0.0);
+    const CORNERS: [(f64, f64); 4] = [(-0.5, -0.5), (-0.5, 0.5), (0.5, -0.5), (0.5, 0.5)];
+    Kernel::from_weights(reach, |dx, dy| {
+        if outside(dx).hypot(outside(dy)) >= r {
+            return 0.0;
+        }
+        let inside =
+            |&(cx, cy): &(f64, f64)| ((f64::from(dx) + cx) / t).hypot((f64::from(dy) + cy) / t) <= 1.0;
+        if CORNERS.iter().all(inside) { 1.0 } else { disc_pixel_area(r, dx, dy) }
+    })
+}
+
+/// Area that the disc of radius `r` around the origin shares with the unit pixel at `(dx, dy)`.
+fn disc_pixel_area(r: f64, dx: i32, dy: i32) -> f64 {
+    // By symmetry in the first quadrant; a pixel that an axis cuts in half is two halves.
+    let side = |d: i32| {
+        let d = f64::from(d.abs());
+        if d == 0.0 { (0.0, 0.5, 2.0) } else { (d - 0.5, d + 0.5, 1.0) }
+    };
+    let ((x0, x1, nx), (y0, y1, ny)) = (side(dx), side(dy));
+    let half_chord = |y: f64| (r * r - y * y).max(0.0).sqrt();
+    let arc = |x: f64| 0.5 * (x * half_chord(x) + r * r * (x / r).clamp(-1.0, 1.0).asin());
+    // Over [x0, full] the pixel's column is covered whole, over [full, end] up to the arc.
+    let end = half_chord(y0).min(x1);
+    let full = half_chord(y1).clamp(x0, x1).min(end.max(x0));
+    let whole = (y1 - y0) * (full - x0);
+    let part = if end > full { arc(end) - arc(full) - y0 * (end - full) } else { 0.0 };
+    if y0 >= r { 0.0 } else { nx * ny * (whole + part.max(0.0)) }
+}
+
+/// One row of a kernel: a run of equal weights, and the pixels whose weight differs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KernelRow {
+    /// Row offset.
+    pub dy: i32,
+    /// Columns `run.0 .. run.1` that the opening covers whole.
+    pub run: (i32, i32),
+    /// Column offset and weight of the pixels that it covers in part.
+    pub partial: Vec<(i32, f32)>,
+}
+
+/// A convolution kernel of sum 1, row by row, ready for running sums.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Kernel {
+    /// No weight lies farther than this from the centre, along either axis.
+    pub reach: i32,
+    /// Weight of every pixel in a row's run.
+    pub run_weight: f32,
+    /// The rows that have any weight.
+    pub rows: Vec<KernelRow>,
+}
+
+impl Kernel {
+    /// The kernel of these weights, the mean transmission over each pixel.
+    fn from_weights(reach: i32, weight: impl Fn(i32, i32) -> f64) -> Kernel {
+        // A pixel counts as covered whole when rounding alone is missing.
+        const WHOLE: f64 = 1.0 - 1e-12;
+        let raw: Vec<(i32, Vec<(i32, f64)>)> = (-reach..=reach)
+            .map(|dy| (dy, (-reach..=reach).map(|dx| (dx, weight(dx, dy))).filter(|w| w.1 > 0.0).collect()))
+            .filter(|(_, row): &(i32, Vec<_>)| !row.is_empty())
+            .collect();
+        let total: f64 = raw.iter().flat_map(|(_, row)| row).map(|w| w.1).sum();
+        if total <= 0.0 {
+            let centre = KernelRow { dy: 0, run: (0, 1), partial: Vec::new() };
+            return Kernel { reach: 0, run_weight: 1.0, rows: vec![centre] };
+        }
+        let rows = raw
+            .into_iter()
+            .map(|(dy, row)| {
+                let run = longest_run(&row, WHOLE);
+                let partial = row
+                    .iter()
+                    .filter(|w| !(run.0..run.1).contains(&w.0))
+                    .map(|w| (w.0, (w.1 / total) as f32))
+                    .collect();
+                KernelRow { dy, run, partial }
+            })
+            .collect();
+        Kernel { reach, run_weight: (1.0 / total) as f32, rows }
+    }
+
+    /// Every weight as `(dx, dy, weight)`.
+    pub fn weights(&self) -> impl Iterator<Item = (i32, i32, f32)> + '_ {
+        self.rows.iter().flat_map(|row| {
+            let run = (row.run.0..row.run.1).map(|dx| (dx, row.dy, self.run_weight));
+            run.chain(row.partial.iter().map(|&(dx, w)| (dx, row.dy, w)))
+        })
+    }
+}
+
+/// The longest stretch of neighbouring pixels of at least this weight: where an opening has a hole there are two.
+fn longest_run(row: &[(i32, f64)], whole: f64) -> (i32, i32) {
+    let (mut longest, mut run) = ((0, 0), (0, 0));
+    for (dx, _) in row.iter().filter(|w| w.1 >= whole) {
+        run = if run.1 == *dx && run.0 < run.1 { (run.0, dx + 1) } else { (*dx, dx + 1) };
+        if run.1 - run.0 > longest.1 - longest.0 {
+            longest = run;
+        }
+    }
+    longest
+}

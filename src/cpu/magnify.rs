@@ -1,0 +1,117 @@
+//! The picture at another size, for each channel its own: lateral colour, and a lens that breathes.
+
+use super::border::mirrored;
+use super::rows::render_rows;
+use crate::cancel::Cancel;
+use crate::error::Result;
+use crate::picture::Size;
+
+/// Where a row or column of the output comes from: four neighbours and their weights.
+type Source = ([usize; 4], [f32; 4]);
+
+/// Catmull-Rom's cubic through four values, at `f` between the second and the third.
+fn weights(f: f64) -> [f32; 4] {
+    [
+        f * (-0.5 + f * (1.0 - 0.5 * f)),
+        1.0 + f * f * (-2.5 + 1.5 * f),
+        f * (0.5 + f * (2.0 - 1.5 * f)),
+        f * f * (-0.5 + 0.5 * f),
+    ]
+    .map(|w| w as f32)
+}
+
+/// The sources of `n` places under a magnification about `centre`.
+fn sources(n: usize, centre: f64, magnification: f64) -> Vec<Source> {
+    (0..n)
+        .map(|i| {
+            let at = centre + (i as f64 - centre) / magnification;
+            let first = at.floor();
+            let place = |k: usize| mirrored(first as i64 + k as i64 - 1, n).0;
+            (std::array::from_fn(place), weights(at - first))
+        })
+        .collect()
+}
+
+/// An interleaved picture with every channel magnified about `centre`; what lies beyond the border is its mirror image.
+///
+/// The cubic would overshoot beside a highlight, so that each value is kept within those of the four pixels around its
+/// place: no ring, and nothing negative.
+pub fn magnify(
+    picture: &[f32],
+    size: Size,
+    centre: [f64; 2],
+    magnification_of: impl Fn(usize) -> f64,
+    cancel: &Cancel,
+) -> Result<Vec<f32>> {
+    let channels: Vec<(Vec<Source>, Vec<Source>)> = (0..size.channels)
+        .map(|c| {
+            let m = magnification_of(c);
+            (sources(size.width, centre[0], m), sources(size.height, centre[1], m))
+        })
+        .collect();
+    render_rows(
+        size,
+        cancel,
+        || (),
+        |(), y, out| {
+            for (c, (columns, rows)) in channels.iter().enumerate() {
+                let (source_rows, down) = &rows[y];
+                for (x, (source_columns, across)) in columns.iter().enumerate() {
+                    let value = |j: usize, i: usize| {
+                        picture[(source_rows[j] * size.width + source_columns[i]) * size.channels + c]
+                    };
+                    let (mut sum, mut least, mut greatest) = (0.0, f32::INFINITY, f32::NEG_INFINITY);
+                    for j in 0..4 {
+                        let mut row = 0.0;
+                        for i in 0..4 {
+                            let v = value(j, i);
+                            row += across[i] * v;
+                            if (1..3).contains(&i) && (1..3).contains(&j) {
+                                least = if v < least { v } else { least };
+                                greatest = if v > greatest { v } else { greatest };
+                            }
+                        }
+                        sum += down[j] * row;
+                    }
+                    out[x * size.channels + c] = sum.clamp(least, greatest);
+                }
+            }
+        },
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: Size = Size { width: 40, height: 30, channels: 2 };
+
+    fn magnified(picture: impl Fn(f64, f64) -> f64, m: f64) -> Vec<f32> {
+        let values: Vec<f32> = (0..SIZE.pixels())
+            .flat_map(|i| {
+                let v = picture((i % SIZE.width) as f64, (i / SIZE.width) as f64) as f32;
+                [v, v]
+            })
+            .collect();
+        magnify(&values, SIZE, [19.5, 14.5], |c| if c == 0 { m } else { 1.0 }, &Cancel::default()).unwrap()
+    }
+
+    #[test]
+    fn places_move_away_from_the_centre_by_the_magnification() {
+        let wave = |x: f64, y: f64| (0.2 * x).sin() + (0.15 * y).cos();
+        let out = magnified(wave, 1.04);
+        for (x, y) in [(19, 14), (5, 25), (33, 8)] {
+            let source = |v: usize, c: f64| c + (v as f64 - c) / 1.04;
+            let expected = wave(source(x, 19.5), source(y, 14.5)) as f32;
+            let at = (y * SIZE.width + x) * 2;
+            assert!((out[at] - expected).abs() < 1e-3, "{} against {expected}", out[at]);
+            assert_eq!(out[at + 1], wave(x as f64, y as f64) as f32);
+        }
+    }
+
+    #[test]
+    fn highlights_make_no_ring() {
+        let out = magnified(|x, y| if (x, y) == (20.0, 20.0) { 1e4 } else { 0.25 }, 1.02);
+        assert!(out.iter().all(|v| (0.25..=1e4).contains(v)));
+    }
+}

@@ -1,0 +1,171 @@
+//! What a lens means for one frame.
+
+use super::lens::{Base, Lens, Strength};
+use super::{FocusSurface, Optics};
+use crate::depth::Rays;
+use crate::error::Result;
+
+/// A frame of pixels: the output, with a margin and pixels finer by a whole factor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Frame {
+    /// Columns of the output, which the field of view spans.
+    pub width: usize,
+    /// Rows of the output.
+    pub height: usize,
+    /// Pixels to one of the output, along each axis.
+    pub finer: usize,
+    /// Pixels of the output added on every side.
+    pub margin: usize,
+}
+
+/// The second stop of a lens's barrel: from pixel `p` it seems to be moved across the opening to `c(p) = per_px (p -
+/// centre)`, in radii of the opening, and clips it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Barrel {
+    /// The pixel on the axis.
+    pub centre: [f64; 2],
+    /// Radii of the opening a pixel.
+    pub per_px: f64,
+}
+
+impl Barrel {
+    /// The centre of the second stop, as seen from a pixel.
+    #[inline(always)]
+    pub fn stop(&self, x: f64, y: f64) -> [f64; 2] {
+        [self.per_px * (x - self.centre[0]), self.per_px * (y - self.centre[1])]
+    }
+}
+
+/// How the picture darkens away from the axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Falloff {
+    /// The pixel on the axis.
+    pub centre: [f64; 2],
+    /// Whether what the barrel clips is missing.
+    pub optical: bool,
+    /// Focal length in pixels, if light falls off with the fourth power of the cosine.
+    pub natural_focal_px: Option<f64>,
+}
+
+impl Falloff {
+    /// The fourth power of the cosine of the angle between the axis and a pixel's ray.
+    #[inline(always)]
+    pub fn cos4(&self, x: f64, y: f64) -> f64 {
+        self.natural_focal_px.map_or(1.0, |f| {
+            let (x, y) = ((x - self.centre[0]) / f, (y - self.centre[1]) / f);
+            (1.0 + x * x + y * y).powi(-2)
+        })
+    }
+}
+
+/// All that a frame needs to know of a lens.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Imaging {
+    /// The thin lens on the axis.
+    pub optics: Optics,
+    /// Where the rest of the picture is in focus.
+    pub surface: FocusSurface,
+    /// What is added to the disparity in focus for red, green and blue.
+    pub axial_color: [f64; 3],
+    /// Magnification of the red, green and blue pictures about [`FocusSurface::centre`].
+    pub magnification: [f64; 3],
+    /// The second stop, if it clips anything.
+    pub barrel: Option<Barrel>,
+    /// How the picture darkens, if it does.
+    pub falloff: Option<Falloff>,
+}
+
+impl Imaging {
+    /// The lens as one channel has it. Channels beyond three, coverage, are green's.
+    pub fn optics_of(&self, channel: usize) -> Optics {
+        let axial = self.axial_color.get(channel).unwrap_or(&self.axial_color[1]);
+        Optics { d_focus: self.optics.d_focus + axial, ..self.optics }
+    }
+
+    /// Magnification of a channel; of those beyond three, green's.
+    pub fn magnification_of(&self, channel: usize) -> f64 {
+        *self.magnification.get(channel).unwrap_or(&self.magnification[1])
+    }
+
+    /// Whether the three colours are focused apart.
+    pub fn is_axially_chromatic(&self) -> bool {
+        self.axial_color != [self.axial_color[0]; 3]
+    }
+
+    /// Whether the three colours are of different sizes.
+    pub fn is_laterally_chromatic(&self) -> bool {
+        self.magnification != [self.magnification[0]; 3]
+    }
+
+    /// Whether pictures are of the size that they were given in.
+    pub fn is_magnified(&self) -> bool {
+        self.magnification != [1.0; 3]
+    }
+}
+
+impl Frame {
+    /// A frame with neither margin nor finer pixels.
+    pub fn plain(width: usize, height: usize) -> Frame {
+        Frame { width, height, finer: 1, margin: 0 }
+    }
+
+    /// The thin lens on the axis.
+    pub fn optics(&self, lens: &Lens) -> Optics {
+        let optics = match lens.base {
+            Base::Thin { aperture_radius, focus_distance, .. } => Optics {
+                k: aperture_radius * lens.focal_px(self.width, self.height).unwrap_or(0.0),
+                d_focus: 1.0 / focus_distance,
+            },
+            Base::Relative { strength, focus_disparity } => {
+                let k = match strength {
+                    Strength::Px(px) => px,
+                    Strength::Percent(percent) => 0.01 * percent * self.width as f64,
+                };
+                Optics { k, d_focus: focus_disparity }
+            }
+        };
+        Optics { k: optics.k * self.finer as f64, ..optics }
+    }
+
+    /// Focal length in pixels of this frame.
+    pub fn focal_px(&self, lens: &Lens) -> Option<f64> {
+        lens.focal_px(self.width, self.height).map(|f| f * self.finer as f64)
+    }
+
+    /// The pixel that the optical axis meets; pixel centres have whole numbers.
+    pub fn centre(&self, lens: &Lens) -> [f64; 2] {
+        let along = |n: usize, offset: f64| {
+            (n as f64 * (0.5 + offset) + self.margin as f64) * self.finer as f64 - 0.5
+        };
+        let [x, y] = lens.mount.principal_point;
+        [along(self.width, x), along(self.height, y)]
+    }
+
+    /// Where its pixels look; nowhere that is known under a lens over relative disparity.
+    pub fn rays(&self, lens: &Lens) -> Option<Rays> {
+        self.focal_px(lens).map(|focal_px| Rays { focal_px, centre: self.centre(lens) })
+    }
+
+    /// All that this frame needs to know of a lens.
+    pub fn imaging(&self, lens: &Lens) -> Result<Imaging> {
+        let (optics, centre, focal_px) = (self.optics(lens), self.centre(lens), self.focal_px(lens));
+        let surface = lens.focus_surface(focal_px, centre);
+        surface.lean(optics.k)?;
+        let half_diagonal = 0.5 * (self.width as f64).hypot(self.height as f64) * self.finer as f64;
+        let flaws = &lens.flaws;
+        let vignetting = flaws.vignetting;
+        let breathing = lens.magnification();
+        Ok(Imaging {
+            optics,
+            surface,
+            axial_color: flaws.axial_color,
+            magnification: flaws.lateral_color.map(|less_1| breathing * (1.0 + less_1)),
+            barrel: (flaws.cat_eye > 0.0).then(|| Barrel { centre, per_px: flaws.cat_eye / half_diagonal }),
+            falloff: (vignetting.is_optical() || vignetting.is_natural()).then(|| Falloff {
+                centre,
+                optical: vignetting.is_optical(),
+                natural_focal_px: focal_px.filter(|_| vignetting.is_natural()),
+            }),
+        })
+    }
+}

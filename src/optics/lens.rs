@@ -1,0 +1,356 @@
+//! What users say of a lens, checked once.
+
+use crate::error::{Result, value_error};
+
+/// The side of the picture that a field of view is measured along, in Mitsuba's words.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FovAxis {
+    /// The width.
+    X,
+    /// The height.
+    Y,
+    /// From corner to corner.
+    Diagonal,
+    /// The shorter side.
+    Smaller,
+    /// The longer side.
+    Larger,
+}
+
+impl FovAxis {
+    /// Every axis with the name users give it.
+    pub const NAMES: [(&'static str, FovAxis); 5] = [
+        ("x", FovAxis::X),
+        ("y", FovAxis::Y),
+        ("diagonal", FovAxis::Diagonal),
+        ("smaller", FovAxis::Smaller),
+        ("larger", FovAxis::Larger),
+    ];
+
+    /// Length in pixels of the side that the field of view spans.
+    fn extent_px(self, width: usize, height: usize) -> f64 {
+        let (w, h) = (width as f64, height as f64);
+        match self {
+            FovAxis::X => w,
+            FovAxis::Y => h,
+            FovAxis::Diagonal => w.hypot(h),
+            FovAxis::Smaller => w.min(h),
+            FovAxis::Larger => w.max(h),
+        }
+    }
+}
+
+/// How strong a lens over relative disparity is: its radius of the circle of confusion per unit of disparity.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Strength {
+    /// In pixels.
+    Px(f64),
+    /// In per cent of the picture's width.
+    Percent(f64),
+}
+
+/// How wide a lens is open, where it is focused, and how it maps the scene to pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Base {
+    /// A thin lens in a metric scene.
+    Thin {
+        /// Radius of the entrance pupil in metres.
+        aperture_radius: f64,
+        /// Distance of the plane in focus, along the optical axis, in metres; may be infinite.
+        focus_distance: f64,
+        /// Field of view in degrees along `fov_axis`.
+        fov: f64,
+        /// The side that `fov` spans.
+        fov_axis: FovAxis,
+    },
+    /// A lens over relative disparity (from a network, say) with no metric claim.
+    Relative {
+        /// How strong it is.
+        strength: Strength,
+        /// The disparity in focus.
+        focus_disparity: f64,
+    },
+}
+
+/// How the lens sits before the sensor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mount {
+    /// Angles in degrees by which the focus plane leans: its top away from the camera, and its right side.
+    pub tilt_deg: [f64; 2],
+    /// Where the optical axis meets the picture, from its middle, in widths to the right and heights down.
+    pub principal_point: [f64; 2],
+    /// Length of the sensor in millimetres along the side that the field of view spans.
+    pub sensor_mm: Option<f64>,
+    /// Focal length in millimetres of a lens whose field of view changes with its focus.
+    pub breathing_focal_length_mm: Option<f64>,
+}
+
+impl Mount {
+    /// Straight, centred, and of a size that nobody has asked for.
+    pub const PLAIN: Mount = Mount {
+        tilt_deg: [0.0; 2],
+        principal_point: [0.0; 2],
+        sensor_mm: None,
+        breathing_focal_length_mm: None,
+    };
+}
+
+/// Whether the picture is darker away from its middle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Vignetting {
+    /// As bright everywhere.
+    None,
+    /// As much darker as the barrel clips the opening.
+    Optical,
+    /// By the fourth power of the cosine of the angle to the axis.
+    Natural,
+    /// By both.
+    Full,
+}
+
+impl Vignetting {
+    /// Every kind with the name users give it.
+    pub const NAMES: [(&'static str, Vignetting); 4] = [
+        ("none", Vignetting::None),
+        ("optical", Vignetting::Optical),
+        ("natural", Vignetting::Natural),
+        ("full", Vignetting::Full),
+    ];
+
+    /// Whether light that the barrel clips is missing.
+    pub fn is_optical(self) -> bool {
+        matches!(self, Vignetting::Optical | Vignetting::Full)
+    }
+
+    /// Whether light falls off with the angle.
+    pub fn is_natural(self) -> bool {
+        matches!(self, Vignetting::Natural | Vignetting::Full)
+    }
+}
+
+/// What keeps a lens from being a thin lens.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Flaws {
+    /// Curvature of the image surface in 1/m: see [`FocusSurface`](super::FocusSurface).
+    pub field_curvature: f64,
+    /// What is added to the disparity in focus for red, green and blue, in 1/m.
+    pub axial_color: [f64; 3],
+    /// Magnification of the red, green and blue pictures, less 1.
+    pub lateral_color: [f64; 3],
+    /// How far the second stop of the barrel seems to move across the opening from the middle of the picture to its
+    /// corners, in radii of the opening.
+    pub cat_eye: f64,
+    /// Whether the picture is darker away from its middle.
+    pub vignetting: Vignetting,
+}
+
+impl Flaws {
+    /// A thin lens.
+    pub const NONE: Flaws = Flaws {
+        field_curvature: 0.0,
+        axial_color: [0.0; 3],
+        lateral_color: [0.0; 3],
+        cat_eye: 0.0,
+        vignetting: Vignetting::None,
+    };
+}
+
+/// A lens.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lens {
+    /// A thin lens, or one over relative disparity.
+    pub base: Base,
+    /// How it sits before the sensor.
+    pub mount: Mount,
+    /// What it does beyond that.
+    pub flaws: Flaws,
+}
+
+pub(super) fn positive(name: &str, value: f64, what: &str) -> Result<f64> {
+    if value.is_finite() && value > 0.0 {
+        Ok(value)
+    } else {
+        Err(value_error!("{name} must be {what}, a finite number greater than 0; got {value}"))
+    }
+}
+
+/// Numbers that all lie within a bound.
+fn within(name: &str, values: &[f64], bound: f64, what: &str) -> Result<()> {
+    match values.iter().find(|v| v.is_nan() || v.abs() > bound) {
+        None => Ok(()),
+        Some(v) => Err(value_error!("{name} must be {what}, from {} to {bound}; got {v}", -bound)),
+    }
+}
+
+impl Lens {
+    /// A thin lens in Mitsuba's terms: metres and degrees.
+    pub fn thin(aperture_radius: f64, focus_distance: f64, fov: f64, fov_axis: FovAxis) -> Result<Lens> {
+        if !(aperture_radius.is_finite() && aperture_radius >= 0.0) {
+            return Err(value_error!(
+                "aperture_radius must be a radius in metres, finite and not negative; got {aperture_radius}"
+            ));
+        }
+        if focus_distance.is_nan() || focus_distance <= 0.0 {
+            return Err(value_error!(
+                "focus_distance must be a distance in metres greater than 0 (infinity is allowed); \
+                 got {focus_distance}"
+            ));
+        }
+        if !(fov.is_finite() && fov > 0.0 && fov < 180.0) {
+            return Err(value_error!("fov must be an angle in degrees between 0 and 180; got {fov}"));
+        }
+        let base = Base::Thin { aperture_radius, focus_distance, fov, fov_axis };
+        Ok(Lens { base, mount: Mount::PLAIN, flaws: Flaws::NONE })
+    }
+
+    /// A lens over relative disparity: the radius is `strength * |disparity - focus|`.
+    pub fn from_disparity(strength: Strength, focus: f64) -> Result<Lens> {
+        let (name, value, what) = match strength {
+            Strength::Px(v) => ("strength_px", v, "pixels"),
+            Strength::Percent(v) => ("strength_percent", v, "per cent of the picture's width"),
+        };
+        if !(value.is_finite() && value >= 0.0) {
+            return Err(value_error!(
+                "{name} must be a number of {what} per unit of disparity, finite and not negative; got {value}"
+            ));
+        }
+        if !focus.is_finite() {
+            return Err(value_error!("focus must be a finite disparity; got {focus}"));
+        }
+        let base = Base::Relative { strength, focus_disparity: focus };
+        Ok(Lens { base, mount: Mount::PLAIN, flaws: Flaws::NONE })
+    }
+
+    /// The same lens, mounted like this.
+    pub fn mounted(self, mount: Mount) -> Result<Lens> {
+        if let Some(angle) = mount.tilt_deg.iter().find(|angle| angle.is_nan() || angle.abs() >= 90.0) {
+            return Err(value_error!(
+                "tilt must be two angles in degrees between -90 and 90; got {angle} for one"
+            ));
+        }
+        within("principal_point", &mount.principal_point, 10.0, "two fractions of the width and the height")?;
+        if let Some(mm) = mount.sensor_mm {
+            positive("sensor_mm", mm, "a length of the sensor in millimetres")?;
+        }
+        if let Base::Relative { .. } = self.base {
+            for (name, given) in [
+                ("tilt", mount.tilt_deg != [0.0; 2]),
+                ("sensor_mm", mount.sensor_mm.is_some()),
+                ("breathing_focal_length_mm", mount.breathing_focal_length_mm.is_some()),
+            ] {
+                if given {
+                    return Err(value_error!(
+                        "{name} needs a metric lens; this one is over relative disparity"
+                    ));
+                }
+            }
+        }
+        if let Base::Thin { focus_distance, .. } = self.base {
+            if focus_distance.is_infinite() && mount.tilt_deg != [0.0; 2] {
+                return Err(value_error!("tilt needs a plane in focus at a finite focus_distance; got inf"));
+            }
+            if let Some(mm) = mount.breathing_focal_length_mm {
+                let f = positive("breathing_focal_length_mm", mm, "a focal length in millimetres")? * 1e-3;
+                if focus_distance <= f {
+                    return Err(value_error!(
+                        "focus_distance must be greater than the focal length ({f} m) for the lens to form an \
+                         image; got {focus_distance}"
+                    ));
+                }
+                if mount.sensor_mm.is_none() {
+                    return Err(value_error!("breathing_focal_length_mm needs sensor_mm"));
+                }
+            }
+        }
+        Ok(Lens { mount, ..self })
+    }
+
+    /// The same lens with these flaws.
+    pub fn flawed(self, flaws: Flaws) -> Result<Lens> {
+        within("field_curvature", &[flaws.field_curvature], 1e6, "a curvature in 1/m")?;
+        within("axial_color", &flaws.axial_color, 1e6, "three disparities (red, green, blue)")?;
+        within(
+            "lateral_color",
+            &flaws.lateral_color,
+            0.1,
+            "three relative magnifications (red, green, blue)",
+        )?;
+        if !(0.0..=1.0).contains(&flaws.cat_eye) {
+            return Err(value_error!(
+                "cat_eye must be how far the second stop moves, in radii of the opening, from 0 to 1; got {}",
+                flaws.cat_eye
+            ));
+        }
+        if flaws.vignetting.is_optical() && flaws.cat_eye == 0.0 {
+            return Err(value_error!(
+                "vignetting={:?} keeps what cat_eye clips, and cat_eye is 0",
+                if flaws.vignetting.is_natural() { "full" } else { "optical" }
+            ));
+        }
+        if let Base::Relative { .. } = self.base {
+            for (name, given) in [
+                ("field_curvature", flaws.field_curvature != 0.0),
+                ("natural vignetting", flaws.vignetting.is_natural()),
+            ] {
+                if given {
+                    return Err(value_error!(
+                        "{name} needs a metric lens; this one is over relative disparity"
+                    ));
+                }
+            }
+        }
+        Ok(Lens { flaws, ..self })
+    }
+
+    /// Focal length in pixels for a frame of this size; `None` for a relative lens, which has none.
+    pub fn focal_px(&self, width: usize, height: usize) -> Option<f64> {
+        match self.base {
+            Base::Thin { fov, fov_axis, .. } => {
+                Some(0.5 * fov_axis.extent_px(width, height) / (0.5 * fov.to_radians()).tan())
+            }
+            Base::Relative { .. } => None,
+        }
+    }
+
+    /// The same lens with another disparity in focus on its axis.
+    pub fn focused_at_disparity(&self, d: f64) -> Result<Lens> {
+        let lens = match self.base {
+            Base::Thin { aperture_radius, fov, fov_axis, .. } => {
+                Lens::thin(aperture_radius, 1.0 / d, fov, fov_axis)
+            }
+            Base::Relative { strength, .. } => Lens::from_disparity(strength, d),
+        }?;
+        lens.mounted(self.mount)?.flawed(self.flaws)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bad_values_are_named() {
+        let thin = |u: f64| Lens::thin(0.1, u, 40.0, FovAxis::X).unwrap();
+        let relative = Lens::from_disparity(Strength::Px(1.0), 0.0).unwrap();
+        let tilted = Mount { tilt_deg: [10.0, 0.0], ..Mount::PLAIN };
+        for (lens, name) in [
+            (Lens::thin(-0.1, 1.0, 40.0, FovAxis::X), "aperture_radius"),
+            (Lens::thin(0.1, 0.0, 40.0, FovAxis::X), "focus_distance"),
+            (Lens::thin(0.1, f64::NAN, 40.0, FovAxis::X), "focus_distance"),
+            (Lens::thin(0.1, 1.0, 180.0, FovAxis::X), "fov"),
+            (Lens::from_disparity(Strength::Px(f64::INFINITY), 1.0), "strength_px"),
+            (Lens::from_disparity(Strength::Percent(-1.0), 1.0), "strength_percent"),
+            (thin(1.0).mounted(Mount { tilt_deg: [90.0, 0.0], ..Mount::PLAIN }), "tilt"),
+            (thin(f64::INFINITY).mounted(tilted), "tilt"),
+            (relative.mounted(tilted), "tilt"),
+            (thin(1.0).mounted(Mount { sensor_mm: Some(0.0), ..Mount::PLAIN }), "sensor_mm"),
+            (thin(1.0).flawed(Flaws { cat_eye: 1.5, ..Flaws::NONE }), "cat_eye"),
+            (thin(1.0).flawed(Flaws { vignetting: Vignetting::Full, ..Flaws::NONE }), "vignetting"),
+            (thin(1.0).flawed(Flaws { lateral_color: [0.0, 0.0, 2.0], ..Flaws::NONE }), "lateral_color"),
+            (relative.flawed(Flaws { field_curvature: 1.0, ..Flaws::NONE }), "field_curvature"),
+        ] {
+            let text = lens.unwrap_err().to_string();
+            assert!(text.starts_with(name), "{text}");
+        }
+    }
+}

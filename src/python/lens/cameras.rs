@@ -1,0 +1,364 @@
+//! Lenses of cameras, and of other programs' cameras; what cameras are asked in millimetres.
+
+use super::super::errors::choice;
+use super::PyLens;
+use super::reading::{blender_words, is_path, mitsuba_words, number, required, scalar, text};
+use crate::error::value_error;
+use crate::optics::{FovAxis, Lens, Mount, SENSORS};
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// Sensors by name: their widths and heights in millimetres.
+#[pyfunction]
+pub fn sensors() -> Vec<(&'static str, f64, f64)> {
+    SENSORS.iter().map(|(name, sensor)| (*name, sensor.width_mm, sensor.height_mm)).collect()
+}
+
+#[pymethods]
+impl PyLens {
+    /// A photographic lens.
+    ///
+    /// Parameters
+    /// ----------
+    /// focal_length_mm : float
+    ///     Focal length in millimetres.
+    /// f_number : float
+    ///     Focal length over the diameter of the opening.
+    /// focus_distance : float
+    ///     Distance of the plane in focus in metres; more than the focal length, may be infinite.
+    /// sensor_width_mm : float, optional
+    ///     Width of the sensor in millimetres; 36 unless said otherwise.
+    /// sensor : str, optional
+    ///     Instead of its width, its name in `dofsim.SENSORS`: ``"full frame"``, ``"aps-c"``, ``"super 35"`` ...
+    /// breathing : bool, optional
+    ///     Whether the field of view changes when the lens is focused elsewhere later, as if the whole lens moved. The
+    ///     pinhole picture has the field of view of the focus given here.
+    ///
+    /// Returns
+    /// -------
+    /// Lens
+    ///     With ``aperture_radius = f / (2 N)`` and the field of view of a sensor at the image distance
+    ///     ``v = f u / (u - f)``.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError, TypeError
+    ///     If a value is out of range, or both sensors are given.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import dofsim
+    /// >>> lens = dofsim.Lens.from_camera(focal_length_mm=50, f_number=2.0, focus_distance=3.0)
+    /// >>> round(lens.aperture_radius, 6), round(lens.fov, 3)
+    /// (0.0125, 38.988)
+    #[staticmethod]
+    #[pyo3(signature = (*, focal_length_mm, f_number, focus_distance, sensor_width_mm=None, sensor=None,
+        breathing=false))]
+    fn from_camera(
+        focal_length_mm: f64,
+        f_number: f64,
+        focus_distance: f64,
+        sensor_width_mm: Option<f64>,
+        sensor: Option<&str>,
+        breathing: bool,
+    ) -> PyResult<PyLens> {
+        let width_mm = match (sensor_width_mm, sensor) {
+            (Some(_), Some(_)) => {
+                return Err(PyTypeError::new_err("from_camera() takes one of sensor_width_mm and sensor"));
+            }
+            (Some(mm), None) => mm,
+            (None, name) => choice("sensor", name.unwrap_or("full frame"), &SENSORS)?.width_mm,
+        };
+        let lens = Lens::from_camera(focal_length_mm, f_number, focus_distance, width_mm)?;
+        Ok(PyLens { core: if breathing { lens.breathing()? } else { lens } })
+    }
+
+    /// The lens of a camera whose intrinsics are known in pixels, as COLMAP and OpenCV have them.
+    ///
+    /// Parameters
+    /// ----------
+    /// fx : float
+    ///     Focal length in pixels.
+    /// cx, cy : float, optional
+    ///     Pixel coordinates of the principal point, counted from the picture's upper left corner as COLMAP does (the
+    ///     centre of the first pixel is at 0.5); the middle of the picture if not given.
+    /// width, height : int
+    ///     Size of the picture in pixels; `height` only with `cy`.
+    /// aperture_radius, focus_distance : float
+    ///     As for `Lens`, in the units of the reconstruction.
+    ///
+    /// Returns
+    /// -------
+    /// Lens
+    ///     With pixels that are as high as wide, and no distortion.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError
+    ///     If a value is out of range.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import dofsim
+    /// >>> lens = dofsim.Lens.from_colmap(fx=500.0, width=1000, aperture_radius=0.02, focus_distance=2.0)
+    /// >>> lens.fov
+    /// 90.0
+    #[staticmethod]
+    #[pyo3(signature = (*, fx, width, aperture_radius, focus_distance, cx=None, cy=None, height=None))]
+    fn from_colmap(
+        fx: f64,
+        width: usize,
+        aperture_radius: f64,
+        focus_distance: f64,
+        cx: Option<f64>,
+        cy: Option<f64>,
+        height: Option<usize>,
+    ) -> PyResult<PyLens> {
+        if !(fx.is_finite() && fx > 0.0) {
+            return Err(value_error!("fx must be a focal length in pixels greater than 0; got {fx}").into());
+        }
+        let off_middle = |name: &str, c: Option<f64>, n: Option<usize>, side: &str| match (c, n) {
+            (None, _) => Ok(0.0),
+            (Some(c), Some(n)) if n > 0 => Ok(c / n as f64 - 0.5),
+            _ => Err(value_error!("{name} needs the {side} of the picture in pixels")),
+        };
+        let principal_point =
+            [off_middle("cx", cx, Some(width), "width")?, off_middle("cy", cy, height, "height")?];
+        let fov = 2.0 * (0.5 * width as f64 / fx).atan().to_degrees();
+        let lens = Lens::thin(aperture_radius, focus_distance, fov, FovAxis::X)?;
+        Ok(PyLens { core: lens.mounted(Mount { principal_point, ..Mount::PLAIN })? })
+    }
+
+    /// The lens of a Mitsuba ``thinlens`` (or ``perspective``) sensor.
+    ///
+    /// Parameters
+    /// ----------
+    /// sensor : mitsuba.Sensor, dict or path
+    ///     A loaded sensor, the dictionary that one is loaded from, or an XML scene file with one sensor.
+    ///
+    /// Returns
+    /// -------
+    /// Lens
+    ///     A ``perspective`` sensor gives a pinhole.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError
+    ///     If the sensor is of another type or lacks a parameter.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import dofsim
+    /// >>> dofsim.Lens.from_mitsuba(
+    /// ...     {"type": "thinlens", "aperture_radius": 0.08, "focus_distance": 4.0, "fov": 42.0}
+    /// ... )
+    /// Lens(aperture_radius=0.08, focus_distance=4.0, fov=42.0, fov_axis='x')
+    #[staticmethod]
+    fn from_mitsuba(sensor: &Bound<'_, PyAny>) -> PyResult<PyLens> {
+        let words = if is_path(sensor)? { mitsuba_words(sensor)?.into_any() } else { sensor.clone() };
+        let Ok(words) = words.cast::<PyDict>() else {
+            // A loaded sensor exposes its parameters through traverse; its field of view is always along x.
+            let parameters = sensor.py().import("mitsuba")?.call_method1("traverse", (sensor,))?;
+            let has = |key: &str| -> PyResult<bool> { parameters.contains(key) };
+            let get = |key: &str| -> PyResult<f64> {
+                scalar(&parameters.get_item(key).map_err(|_| {
+                    PyValueError::new_err(format!(
+                        "sensor has no {key:?}; a thinlens or perspective sensor has"
+                    ))
+                })?)
+            };
+            let aperture_radius = if has("aperture_radius")? { get("aperture_radius")? } else { 0.0 };
+            let focus_distance = if has("focus_distance")? { get("focus_distance")? } else { 1.0 };
+            // The offsets say how far the picture moves to the left and up, and the axis with it.
+            let principal_point = [
+                if has("principal_point_offset_x")? { -get("principal_point_offset_x")? } else { 0.0 },
+                if has("principal_point_offset_y")? { -get("principal_point_offset_y")? } else { 0.0 },
+            ];
+            let lens = Lens::thin(aperture_radius, focus_distance, get("x_fov")?, FovAxis::X)?;
+            return Ok(PyLens { core: lens.mounted(Mount { principal_point, ..Mount::PLAIN })? });
+        };
+        let kind = text(words, "type", "")?;
+        let (aperture_radius, focus_distance) = match kind.as_str() {
+            "thinlens" => (
+                required(words, "the thinlens sensor", &["aperture_radius"])?,
+                required(words, "the thinlens sensor", &["focus_distance"])?,
+            ),
+            "perspective" => (0.0, 1.0),
+            _ => {
+                return Err(PyValueError::new_err(format!(
+                    "sensor must be of type \"thinlens\" or \"perspective\"; got {kind:?}"
+                )));
+            }
+        };
+        let (fov, axis) = match words.get_item("focal_length")? {
+            // Mitsuba's focal lengths are those of 35 mm film, whose diagonal they are measured along.
+            Some(focal_length) => {
+                let written: String = focal_length.extract()?;
+                let mm: f64 = written.trim_end_matches("mm").trim().parse().map_err(|_| {
+                    PyValueError::new_err(format!("focal_length must be like \"50mm\"; got {written:?}"))
+                })?;
+                (2.0 * (0.5 * 36f64.hypot(24.0) / mm).atan().to_degrees(), "diagonal".to_owned())
+            }
+            None => (required(words, "the sensor", &["fov"])?, text(words, "fov_axis", "x")?),
+        };
+        let fov_axis = choice("fov_axis", &axis, &FovAxis::NAMES)?;
+        let principal_point = [
+            -number(words, &["principal_point_offset_x"])?.unwrap_or(0.0),
+            -number(words, &["principal_point_offset_y"])?.unwrap_or(0.0),
+        ];
+        let lens = Lens::thin(aperture_radius, focus_distance, fov, fov_axis)?;
+        Ok(PyLens { core: lens.mounted(Mount { principal_point, ..Mount::PLAIN })? })
+    }
+
+    /// The lens of a Blender camera.
+    ///
+    /// Parameters
+    /// ----------
+    /// camera : dict or path
+    ///     ``lens`` (focal length in mm), ``fstop`` or ``aperture_fstop``, ``focus_distance`` (m), and optionally
+    ///     ``sensor_width`` (mm, 36), ``sensor_height`` (mm, 24), ``sensor_fit`` (``"AUTO"``, ``"HORIZONTAL"``,
+    ///     ``"VERTICAL"``) and ``aperture_ratio``. Or a JSON file with them. `Aperture.from_blender` takes the same.
+    ///
+    /// Returns
+    /// -------
+    /// Lens
+    ///     With ``aperture_radius = lens / (2 fstop)``, as Cycles has it; that is half the height of its opening, and
+    ///     an anamorphic one may be wider.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError
+    ///     If an entry is missing or out of range.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import dofsim
+    /// >>> dofsim.Lens.from_blender({"lens": 50.0, "fstop": 2.5, "focus_distance": 4.0}).aperture_radius
+    /// 0.01
+    #[staticmethod]
+    fn from_blender(camera: &Bound<'_, PyAny>) -> PyResult<PyLens> {
+        let camera = &blender_words(camera)?;
+        for key in ["shift_x", "shift_y"] {
+            if number(camera, &[key])?.is_some_and(|shift| shift != 0.0) {
+                return Err(PyValueError::new_err(format!(
+                    "{key} must be 0: how far it shifts the picture depends on its size. Give the lens a principal_point \
+                     instead"
+                )));
+            }
+        }
+        let lens_mm = required(camera, "the camera", &["lens"])?;
+        let fstop = required(camera, "the camera", &["fstop", "aperture_fstop"])?;
+        let focus_distance = required(camera, "the camera", &["focus_distance"])?;
+        if !(lens_mm > 0.0 && fstop > 0.0) {
+            return Err(PyValueError::new_err(format!(
+                "lens and fstop must be greater than 0; got {lens_mm} and {fstop}"
+            )));
+        }
+        let fits = [("AUTO", ("larger", 36.0)), ("HORIZONTAL", ("x", 36.0)), ("VERTICAL", ("y", 24.0))];
+        let (axis, default_mm) = choice("sensor_fit", &text(camera, "sensor_fit", "AUTO")?, &fits)?;
+        let side = if axis == "y" { "sensor_height" } else { "sensor_width" };
+        let sensor_mm = number(camera, &[side])?.unwrap_or(default_mm);
+        let fov = 2.0 * (0.5 * sensor_mm / lens_mm).atan().to_degrees();
+        // Blender divides the width of the opening by the ratio; here its longer half-axis is the radius.
+        let widest = number(camera, &["aperture_ratio"])?.unwrap_or(1.0).min(1.0);
+        let fov_axis = choice("sensor_fit", axis, &FovAxis::NAMES)?;
+        let lens = Lens::thin(lens_mm * 1e-3 / (2.0 * fstop * widest), focus_distance, fov, fov_axis)?;
+        Ok(PyLens { core: lens.mounted(Mount { sensor_mm: Some(sensor_mm), ..Mount::PLAIN })? })
+    }
+
+    /// Focal length in millimetres; None if the sensor is not known.
+    #[getter]
+    fn focal_length_mm(&self) -> Option<f64> {
+        self.core.focal_length_mm("focal_length_mm").ok()
+    }
+
+    /// Focal length over the diameter of the opening; None if the sensor is not known.
+    #[getter]
+    fn f_number(&self) -> Option<f64> {
+        self.core.f_number("f_number").ok()
+    }
+
+    /// Diameter on the sensor of the circle of confusion of a point.
+    ///
+    /// Parameters
+    /// ----------
+    /// z : float
+    ///     Depth of the point in metres; may be infinite.
+    ///
+    /// Returns
+    /// -------
+    /// float
+    ///     Diameter in millimetres, for a point on the optical axis.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError
+    ///     If the lens does not know its sensor, or `z` is not positive.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import dofsim
+    /// >>> lens = dofsim.Lens.from_camera(focal_length_mm=50, f_number=2.0, focus_distance=2.0)
+    /// >>> round(lens.coc_diameter_mm(float("inf")), 4)
+    /// 0.641
+    fn coc_diameter_mm(&self, z: f64) -> PyResult<f64> {
+        Ok(self.core.coc_diameter_mm(z)?)
+    }
+
+    /// The nearest focus at which what is infinitely far is still sharp: ``f**2 / (N c) + f``.
+    ///
+    /// Parameters
+    /// ----------
+    /// coc_limit_mm : float
+    ///     Largest diameter in millimetres on the sensor of a circle of confusion that counts as sharp; often 0.03 for
+    ///     full frame.
+    ///
+    /// Returns
+    /// -------
+    /// float
+    ///     Distance in metres.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError
+    ///     If the lens does not know its sensor, or the limit is not positive.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import dofsim
+    /// >>> lens = dofsim.Lens.from_camera(focal_length_mm=50, f_number=8, focus_distance=3.0)
+    /// >>> round(lens.hyperfocal_distance(0.03), 3)
+    /// 10.467
+    fn hyperfocal_distance(&self, coc_limit_mm: f64) -> PyResult<f64> {
+        Ok(self.core.hyperfocal_distance(coc_limit_mm)?)
+    }
+
+    /// Nearest and farthest depth that are sharp on the optical axis.
+    ///
+    /// Parameters
+    /// ----------
+    /// coc_limit_mm : float
+    ///     As for `hyperfocal_distance`.
+    ///
+    /// Returns
+    /// -------
+    /// tuple of float
+    ///     Depths in metres; the second is infinite from the hyperfocal distance on.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError
+    ///     If the lens does not know its sensor, or the limit is not positive.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import dofsim
+    /// >>> lens = dofsim.Lens.from_camera(focal_length_mm=50, f_number=8, focus_distance=3.0)
+    /// >>> near, far = lens.depth_of_field(0.03)
+    /// >>> round(near, 3), round(far, 3)
+    /// (2.338, 4.185)
+    fn depth_of_field(&self, coc_limit_mm: f64) -> PyResult<(f64, f64)> {
+        Ok(self.core.depth_of_field(coc_limit_mm)?)
+    }
+}

@@ -1,0 +1,445 @@
+//! `dofsim.Lens`: its own words here, other cameras' in [`cameras`], and where it is focused in [`focus`].
+
+mod cameras;
+mod focus;
+mod reading;
+
+pub use cameras::sensors;
+pub use reading::{blender_words, is_path, number};
+
+use super::errors::choice;
+use crate::optics::{Base, Flaws, FovAxis, Lens, Mount, Strength, Vignetting};
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+use std::hash::{DefaultHasher, Hash, Hasher};
+
+/// Hash of a settings value by its own words.
+pub fn hash_words(words: &str) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    words.hash(&mut hasher);
+    hasher.finish()
+}
+
+/// A lens: how wide it is open, where it is focused, how it maps the scene to pixels, and what it gets wrong.
+///
+/// The names and units of the first four are those of Mitsuba's ``thinlens`` sensor. Other cameras come in through the
+/// class methods ``from_camera``, ``from_mitsuba``, ``from_blender``, ``from_colmap`` and ``from_disparity``.
+///
+/// Parameters
+/// ----------
+/// aperture_radius : float
+///     Radius of the opening in metres; 0 is a pinhole.
+/// focus_distance : float
+///     Distance of the plane in focus in metres, along the optical axis; may be infinite.
+/// fov : float
+///     Field of view in degrees along `fov_axis`.
+/// fov_axis : {"x", "y", "diagonal", "smaller", "larger"}, optional
+///     The side of the picture that `fov` spans.
+/// tilt : tuple of float, optional
+///     Angles in degrees by which the plane in focus leans about a horizontal and about a vertical axis through the
+///     point in focus on the optical axis: its top away from the camera, and its right side away from it.
+/// field_curvature : float, optional
+///     Curvature of the image surface in 1/m. At the angle ``a`` to the axis the disparity in focus is larger by
+///     ``field_curvature / 2 * tan(a)**2``: with ``1 / focus_distance`` a sphere about the lens is in focus.
+/// axial_color : tuple of float, optional
+///     What is added to the disparity in focus, ``1 / focus_distance``, for red, green and blue, in 1/m (dioptres). A
+///     lens whose focal length is shorter by ``df`` for blue has ``df / f**2`` there.
+/// lateral_color : tuple of float, optional
+///     By how much of themselves the red, green and blue pictures are larger, at most 0.1: 0.001 moves the corner of a
+///     picture 2000 pixels wide and high by 1.4 pixels.
+/// cat_eye : float, optional
+///     How far a second stop, as large as the opening, seems to move across it from the middle of the picture to its
+///     corners, in radii of the opening, 0 to 1. It clips what is drawn of points away from the middle.
+/// vignetting : {"none", "optical", "natural", "full"}, optional
+///     Whether the picture is darker away from its middle: by what `cat_eye` clips, by the fourth power of the cosine
+///     of the angle to the axis, or by both.
+/// principal_point : tuple of float, optional
+///     Where the optical axis meets the picture: widths to the right of its middle and heights below it.
+/// sensor_mm : float, optional
+///     Length of the sensor in millimetres along `fov_axis`, for what is asked in millimetres.
+/// breathing_focal_length_mm : float, optional
+///     Focal length in millimetres of a lens that breathes: focused nearer, its image is farther from it and larger.
+///     `fov` stays that of the pinhole picture. Needs `sensor_mm`.
+///
+/// Raises
+/// ------
+/// ValueError
+///     If a value is out of range; the text names the argument, the value and what is accepted.
+///
+/// Notes
+/// -----
+/// With disparity ``d = 1/z`` the radius of the circle of confusion in pixels is
+/// ``aperture_radius * focal_px * |d - 1/focus_distance|``, where ``focal_px = (width/2) / tan(fov/2)``. It is
+/// linear in disparity, and what is in focus is a plane that faces the camera, unless `tilt` or `field_curvature` say
+/// otherwise. By Scheimpflug's rule a plane that leans by ``a`` is in focus when the lens is tilted by
+/// ``atan(v * tan(a) / (u + v))``, where ``u`` and ``v`` are the distances of the focus and of the sensor.
+///
+/// Examples
+/// --------
+/// >>> import dofsim
+/// >>> lens = dofsim.Lens(aperture_radius=0.05, focus_distance=3.0, fov=42.0)
+/// >>> lens.replace(focus_distance=5.0, tilt=(60.0, 0.0))
+/// Lens(aperture_radius=0.05, focus_distance=5.0, fov=42.0, fov_axis='x', tilt=(60.0, 0.0))
+#[pyclass(name = "Lens", module = "dofsim", frozen, eq)]
+#[derive(Debug, Clone, PartialEq)]
+pub struct PyLens {
+    pub core: Lens,
+}
+
+/// A number for each axis of the picture.
+type Pair = (f64, f64);
+/// Red, green and blue.
+type Triple = (f64, f64, f64);
+
+#[pymethods]
+impl PyLens {
+    #[new]
+    #[pyo3(signature = (*, aperture_radius, focus_distance, fov, fov_axis="x", tilt=(0.0, 0.0), field_curvature=0.0,
+        axial_color=(0.0, 0.0, 0.0), lateral_color=(0.0, 0.0, 0.0), cat_eye=0.0, vignetting="none",
+        principal_point=(0.0, 0.0), sensor_mm=None, breathing_focal_length_mm=None))]
+    #[expect(clippy::too_many_arguments, reason = "the public constructor's own, keyword-only in Python")]
+    fn new(
+        aperture_radius: f64,
+        focus_distance: f64,
+        fov: f64,
+        fov_axis: &str,
+        tilt: Pair,
+        field_curvature: f64,
+        axial_color: Triple,
+        lateral_color: Triple,
+        cat_eye: f64,
+        vignetting: &str,
+        principal_point: Pair,
+        sensor_mm: Option<f64>,
+        breathing_focal_length_mm: Option<f64>,
+    ) -> PyResult<PyLens> {
+        let fov_axis = choice("fov_axis", fov_axis, &FovAxis::NAMES)?;
+        let mount = Mount {
+            tilt_deg: tilt.into(),
+            principal_point: principal_point.into(),
+            sensor_mm,
+            breathing_focal_length_mm,
+        };
+        let flaws = Flaws {
+            field_curvature,
+            axial_color: axial_color.into(),
+            lateral_color: lateral_color.into(),
+            cat_eye,
+            vignetting: choice("vignetting", vignetting, &Vignetting::NAMES)?,
+        };
+        let lens = Lens::thin(aperture_radius, focus_distance, fov, fov_axis)?;
+        Ok(PyLens { core: lens.mounted(mount)?.flawed(flaws)? })
+    }
+
+    /// A lens over relative disparity, as a monocular depth network gives it, with no metric claim.
+    ///
+    /// Parameters
+    /// ----------
+    /// strength_px : float, optional
+    ///     Radius of the circle of confusion in pixels per unit of disparity.
+    /// strength_percent : float, optional
+    ///     The same in per cent of the picture's width; one of the two must be given.
+    /// focus : float
+    ///     The disparity in focus.
+    /// axial_color, lateral_color, cat_eye, vignetting, principal_point : optional
+    ///     As for `Lens`, but that `axial_color` is in units of the disparity; no ``"natural"`` vignetting.
+    ///
+    /// Returns
+    /// -------
+    /// Lens
+    ///     For use with ``depth_kind="disparity"``, or with ``"relative"``, which first brings disparity of any scale
+    ///     to 0 (far) to 1 (near): then the strength is the blur over the whole depth of the scene.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError
+    ///     If a value is not finite, or the strength negative.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import dofsim
+    /// >>> dofsim.Lens.from_disparity(strength_px=30.0, focus=0.8)
+    /// Lens.from_disparity(strength_px=30.0, focus=0.8)
+    #[staticmethod]
+    #[pyo3(signature = (*, strength_px=None, strength_percent=None, focus, axial_color=(0.0, 0.0, 0.0),
+        lateral_color=(0.0, 0.0, 0.0), cat_eye=0.0, vignetting="none", principal_point=(0.0, 0.0)))]
+    #[expect(clippy::too_many_arguments, reason = "the public constructor's own, keyword-only in Python")]
+    fn from_disparity(
+        strength_px: Option<f64>,
+        strength_percent: Option<f64>,
+        focus: f64,
+        axial_color: Triple,
+        lateral_color: Triple,
+        cat_eye: f64,
+        vignetting: &str,
+        principal_point: Pair,
+    ) -> PyResult<PyLens> {
+        let strength = match (strength_px, strength_percent) {
+            (Some(px), None) => Strength::Px(px),
+            (None, Some(percent)) => Strength::Percent(percent),
+            _ => {
+                return Err(PyTypeError::new_err(
+                    "from_disparity() takes one of strength_px and strength_percent",
+                ));
+            }
+        };
+        let mount = Mount { principal_point: principal_point.into(), ..Mount::PLAIN };
+        let flaws = Flaws {
+            axial_color: axial_color.into(),
+            lateral_color: lateral_color.into(),
+            cat_eye,
+            vignetting: choice("vignetting", vignetting, &Vignetting::NAMES)?,
+            ..Flaws::NONE
+        };
+        Ok(PyLens { core: Lens::from_disparity(strength, focus)?.mounted(mount)?.flawed(flaws)? })
+    }
+
+    /// Radius of the opening in metres; None for a lens over relative disparity.
+    #[getter]
+    fn aperture_radius(&self) -> Option<f64> {
+        match self.core.base {
+            Base::Thin { aperture_radius, .. } => Some(aperture_radius),
+            Base::Relative { .. } => None,
+        }
+    }
+
+    /// Distance in focus in metres; None for a lens over relative disparity.
+    #[getter]
+    fn focus_distance(&self) -> Option<f64> {
+        match self.core.base {
+            Base::Thin { focus_distance, .. } => Some(focus_distance),
+            Base::Relative { .. } => None,
+        }
+    }
+
+    /// Field of view in degrees; None for a lens over relative disparity.
+    #[getter]
+    fn fov(&self) -> Option<f64> {
+        match self.core.base {
+            Base::Thin { fov, .. } => Some(fov),
+            Base::Relative { .. } => None,
+        }
+    }
+
+    /// The side that the field of view spans; None for a lens over relative disparity.
+    #[getter]
+    fn fov_axis(&self) -> Option<&'static str> {
+        match self.core.base {
+            Base::Thin { fov_axis, .. } => name_of(fov_axis, &FovAxis::NAMES),
+            Base::Relative { .. } => None,
+        }
+    }
+
+    /// Pixels per unit of disparity; None for other lenses.
+    #[getter]
+    fn strength_px(&self) -> Option<f64> {
+        match self.core.base {
+            Base::Relative { strength: Strength::Px(px), .. } => Some(px),
+            _ => None,
+        }
+    }
+
+    /// Per cent of the picture's width per unit of disparity; None for other lenses.
+    #[getter]
+    fn strength_percent(&self) -> Option<f64> {
+        match self.core.base {
+            Base::Relative { strength: Strength::Percent(percent), .. } => Some(percent),
+            _ => None,
+        }
+    }
+
+    /// The disparity in focus; None for a metric lens.
+    #[getter]
+    fn focus(&self) -> Option<f64> {
+        match self.core.base {
+            Base::Thin { .. } => None,
+            Base::Relative { focus_disparity, .. } => Some(focus_disparity),
+        }
+    }
+
+    /// Angles in degrees by which the plane in focus leans.
+    #[getter]
+    fn tilt(&self) -> Pair {
+        self.core.mount.tilt_deg.into()
+    }
+
+    /// Curvature of the image surface in 1/m.
+    #[getter]
+    fn field_curvature(&self) -> f64 {
+        self.core.flaws.field_curvature
+    }
+
+    /// What is added to the disparity in focus for red, green and blue.
+    #[getter]
+    fn axial_color(&self) -> Triple {
+        self.core.flaws.axial_color.into()
+    }
+
+    /// By how much of themselves the red, green and blue pictures are larger.
+    #[getter]
+    fn lateral_color(&self) -> Triple {
+        self.core.flaws.lateral_color.into()
+    }
+
+    /// How far the second stop moves to the corners, in radii of the opening.
+    #[getter]
+    fn cat_eye(&self) -> f64 {
+        self.core.flaws.cat_eye
+    }
+
+    /// How the picture darkens away from its middle.
+    #[getter]
+    fn vignetting(&self) -> Option<&'static str> {
+        name_of(self.core.flaws.vignetting, &Vignetting::NAMES)
+    }
+
+    /// Where the optical axis meets the picture, from its middle.
+    #[getter]
+    fn principal_point(&self) -> Pair {
+        self.core.mount.principal_point.into()
+    }
+
+    /// Length of the sensor in millimetres along the field of view, if it is known.
+    #[getter]
+    fn sensor_mm(&self) -> Option<f64> {
+        self.core.mount.sensor_mm
+    }
+
+    /// Focal length in millimetres of a lens that breathes.
+    #[getter]
+    fn breathing_focal_length_mm(&self) -> Option<f64> {
+        self.core.mount.breathing_focal_length_mm
+    }
+
+    /// The same lens with some values changed.
+    ///
+    /// Parameters
+    /// ----------
+    /// **changes
+    ///     Any arguments of the constructor that made the lens: those of `Lens`, or of `Lens.from_disparity`.
+    ///
+    /// Returns
+    /// -------
+    /// Lens
+    ///     A new lens.
+    ///
+    /// Raises
+    /// ------
+    /// TypeError
+    ///     If a name is none of the lens's own.
+    /// ValueError
+    ///     If a value is out of range.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import dofsim
+    /// >>> lens = dofsim.Lens(aperture_radius=0.05, focus_distance=3.0, fov=42.0)
+    /// >>> lens.replace(aperture_radius=0.0).aperture_radius
+    /// 0.0
+    #[pyo3(signature = (**changes))]
+    fn replace(&self, py: Python<'_>, changes: Option<&Bound<'_, PyDict>>) -> PyResult<PyLens> {
+        let words = self.words(py)?;
+        for (key, value) in changes.into_iter().flatten() {
+            if !words.contains(&key)? {
+                let own: Vec<String> = words.keys().iter().map(|k| k.to_string()).collect();
+                return Err(PyTypeError::new_err(format!(
+                    "replace() got an unexpected argument {key}; this lens has {}",
+                    own.join(", ")
+                )));
+            }
+            words.set_item(key, value)?;
+        }
+        self.maker(py)?
+            .call((), Some(&words))?
+            .extract::<PyRef<'_, PyLens>>()
+            .map(|l| l.clone())
+            .map_err(PyErr::from)
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        // What is as it is by default is left out, but for the words of the lens itself.
+        let (words, plain) = (self.words(py)?, self.plain().words(py)?);
+        let own = match self.core.base {
+            Base::Thin { .. } => 4,
+            Base::Relative { .. } => 2,
+        };
+        let mut shown = Vec::new();
+        for (i, (key, value)) in words.iter().enumerate() {
+            let default = plain.get_item(&key)?;
+            if i < own || !default.map_or(Ok(false), |default| default.eq(&value))? {
+                // Python writes an infinite float as `inf`, which is not an expression.
+                let infinite = value.extract().is_ok_and(|v: f64| v.is_infinite());
+                let value = if infinite { "float('inf')".to_owned() } else { value.repr()?.to_string() };
+                shown.push(format!("{key}={value}"));
+            }
+        }
+        let maker = match self.core.base {
+            Base::Thin { .. } => "Lens",
+            Base::Relative { .. } => "Lens.from_disparity",
+        };
+        Ok(format!("{maker}({})", shown.join(", ")))
+    }
+
+    fn __hash__(&self, py: Python<'_>) -> PyResult<u64> {
+        Ok(hash_words(&self.__repr__(py)?))
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        // functools.partial carries the keyword-only arguments.
+        let partial = py.import("functools")?.getattr("partial")?;
+        let call = partial.call((self.maker(py)?,), Some(&self.words(py)?))?;
+        Ok((call, PyTuple::empty(py)))
+    }
+}
+
+/// The name that a choice goes by.
+fn name_of<T: Copy + PartialEq>(value: T, names: &[(&'static str, T)]) -> Option<&'static str> {
+    names.iter().find(|(_, own)| *own == value).map(|(name, _)| *name)
+}
+
+impl PyLens {
+    /// The same thin lens with nothing to it.
+    fn plain(&self) -> PyLens {
+        PyLens { core: Lens { mount: Mount::PLAIN, flaws: Flaws::NONE, ..self.core } }
+    }
+
+    /// The constructor that makes such a lens.
+    fn maker<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let class = py.get_type::<PyLens>();
+        match self.core.base {
+            Base::Thin { .. } => Ok(class.into_any()),
+            Base::Relative { .. } => class.getattr("from_disparity"),
+        }
+    }
+
+    /// The arguments of that constructor.
+    fn words<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let words = PyDict::new(py);
+        match self.core.base {
+            Base::Thin { aperture_radius, focus_distance, fov, .. } => {
+                words.set_item("aperture_radius", aperture_radius)?;
+                words.set_item("focus_distance", focus_distance)?;
+                words.set_item("fov", fov)?;
+                words.set_item("fov_axis", self.fov_axis())?;
+                words.set_item("tilt", self.tilt())?;
+                words.set_item("field_curvature", self.field_curvature())?;
+                words.set_item("sensor_mm", self.sensor_mm())?;
+                words.set_item("breathing_focal_length_mm", self.breathing_focal_length_mm())?;
+            }
+            Base::Relative { strength, focus_disparity } => {
+                match strength {
+                    Strength::Px(px) => words.set_item("strength_px", px)?,
+                    Strength::Percent(percent) => words.set_item("strength_percent", percent)?,
+                }
+                words.set_item("focus", focus_disparity)?;
+            }
+        }
+        words.set_item("axial_color", self.axial_color())?;
+        words.set_item("lateral_color", self.lateral_color())?;
+        words.set_item("cat_eye", self.cat_eye())?;
+        words.set_item("vignetting", self.vignetting())?;
+        words.set_item("principal_point", self.principal_point())?;
+        Ok(words)
+    }
+}
