@@ -6,7 +6,7 @@ What must be an error carries an ignore comment, and mypy reports comments that 
 from typing import Any
 
 import numpy as np
-from dofsim import SENSORS, Aperture, DeviceError, Lens, Scene, coc, focus_pull, io, metrics, render
+from dofsim import SENSORS, Aperture, DeviceError, Lens, Scene, coc, devices, focus_pull, io, metrics, render
 from numpy.typing import NDArray
 from typing_extensions import assert_type
 
@@ -62,6 +62,10 @@ def bracket(color: NDArray[np.float32], depth: NDArray[np.float64]) -> NDArray[n
     scene.focal_stack(lens, [1.0, 2.0], views=128)
     for frame in focus_pull(scene, lens, [(0, 1.0), (24, 3.0)], easing="in", views=128):
         print(frame.shape, SENSORS["aps-c"])
+    assert_type(scene.profile(lens, method="gaussian"), list[tuple[str, float]])
+    for device in devices():
+        if device.kind != "software":
+            Scene(color, depth, device=device.id)
     scene.focal_stack(lens, [1.0, 2.0], method="taps", views=128)  # type: ignore[call-overload]
     try:
         picture = render(color, depth, lens, device="gpu")

@@ -377,7 +377,7 @@ def focused_words(
     """
     focus, focused = focus_word(words), without_focus(words)
     try:
-        # Where a tilted plane meets the axis depends a little on the field of view, and so on the focus itself.
+        # Where a tilted plane meets the axis depends a little on the field of view, and that on the focus.
         for _ in range(3):
             found = make_lens(focused).focused_at(depth, *pixel, **kind)
             focused = {**words, focus: getattr(found, focus)}

@@ -43,7 +43,9 @@ struct Stretch {
 const MISSED_NOTHING: u32 = 1u;
 const BATCH: u32 = 64u;
 const CAPACITY: u32 = 16u;
+// Pixels of a thread, four rows apart. Each has its own sum by name, so that all stay in registers.
 const ROWS: u32 = 4u;
+const NO_CELL: u32 = 0xffffffffu;
 
 override CHANNELS: u32 = 3u;
 
@@ -67,8 +69,12 @@ var<workgroup> met_count: array<u32, BATCH>;
 var<workgroup> not_looked: array<u32, BATCH>;
 
 var<private> place: vec2<i32>;
-var<private> sums: array<vec4<f32>, ROWS>;
-var<private> waiting: array<bool, ROWS>;
+var<private> sum_0: vec4<f32>;
+var<private> sum_1: vec4<f32>;
+var<private> sum_2: vec4<f32>;
+var<private> sum_3: vec4<f32>;
+// A bit for each row.
+var<private> waiting: u32;
 
 fn view_at(i: u32) -> View {
     let words = paths[i];
@@ -153,39 +159,49 @@ fn is_covered(cell: u32, at: vec2<i32>, view: View, stretch: Stretch) -> bool {
     return normal.x * ray.x + normal.y * ray.y <= bitcast<f32>(half_planes[words + 2u]);
 }
 
+// The cell that a pixel meets in one stretch of one sheet, if it waits for one.
+fn cell_met(row: u32, view: View, stretch: Stretch, first: vec2<i32>, column: u32, sheet: u32) -> u32 {
+    if (waiting & (1u << row)) == 0u {
+        return NO_CELL;
+    }
+    let at = vec2(first.x, first.y + 4 * i32(row));
+    let line = sheet * params.size.y + u32(mirrored(at.y, i32(params.size.y)));
+    let cell = line * params.size.x + column;
+    let depths = codes[cell];
+    let hit = nearest(depths) >= (stretch.codes & 0xffffu) && farthest(depths) < (stretch.codes >> 16u);
+    if !hit || !is_covered(cell, at, view, stretch) {
+        return NO_CELL;
+    }
+    waiting &= ~(1u << row);
+    return cell;
+}
+
+// The colour of a cell, as far as there is one.
+fn color_of(cell: u32) -> vec4<f32> {
+    if cell == NO_CELL {
+        return vec4<f32>();
+    }
+    return drawn[cell];
+}
+
 // Gives the waiting pixels the cells that they meet in one stretch of one sheet.
 fn meet(view: View, i: u32, sheet: u32) {
     let stretch = stretch_at(i);
-    let from_code = stretch.codes & 0xffffu;
-    let to_code = stretch.codes >> 16u;
     let first = place + offset_of(stretch);
     let column = u32(mirrored(first.x, i32(params.size.x)));
-    for (var row = 0u; row < ROWS; row++) {
-        if !waiting[row] {
-            continue;
-        }
-        let at = vec2(first.x, first.y + 4 * i32(row));
-        let line = sheet * params.size.y + u32(mirrored(at.y, i32(params.size.y)));
-        let cell = line * params.size.x + column;
-        let hit = nearest(codes[cell]) >= from_code && farthest(codes[cell]) < to_code;
-        if hit && is_covered(cell, at, view, stretch) {
-            sums[row] += drawn[cell];
-            waiting[row] = false;
-        }
-    }
-}
-
-fn is_any_waiting() -> bool {
-    return waiting[0] || waiting[1] || waiting[2] || waiting[3];
+    sum_0 += color_of(cell_met(0u, view, stretch, first, column, sheet));
+    sum_1 += color_of(cell_met(1u, view, stretch, first, column, sheet));
+    sum_2 += color_of(cell_met(2u, view, stretch, first, column, sheet));
+    sum_3 += color_of(cell_met(3u, view, stretch, first, column, sheet));
 }
 
 // Follows one view, whose stretches have been picked.
 fn follow(tile: u32, view: View, slot: u32) {
-    for (var i = 0u; i < met_count[slot] && is_any_waiting(); i++) {
+    for (var i = 0u; i < met_count[slot] && waiting != 0u; i++) {
         let found = met[slot * CAPACITY + i];
         meet(view, found.x, found.y);
     }
-    for (var i = not_looked[slot]; i < view.end && is_any_waiting(); i++) {
+    for (var i = not_looked[slot]; i < view.end && waiting != 0u; i++) {
         if is_occupied(tile, stretch_at(i)) {
             for (var sheet = 0u; sheet < params.sheets; sheet++) {
                 meet(view, i, sheet);
@@ -204,6 +220,46 @@ fn mean(sum: vec4<f32>, count: f32, missed: f32, pixel: u32) -> vec4<f32> {
     return drawn[pixel];
 }
 
+fn pixel_of(own: vec2<u32>, row: u32) -> u32 {
+    return (own.y + 4u * row) * params.size.x + own.x;
+}
+
+// What earlier passes counted for a pixel.
+fn missed_at(rows: u32, own: vec2<u32>, row: u32) -> f32 {
+    if (rows & (1u << row)) == 0u {
+        return 0.0;
+    }
+    return missed_before[pixel_of(own, row)];
+}
+
+// What earlier passes summed up for a pixel.
+fn sum_at(rows: u32, own: vec2<u32>, row: u32) -> vec4<f32> {
+    var sum = vec4<f32>();
+    if (rows & (1u << row)) != 0u {
+        for (var c = 0u; c < CHANNELS; c++) {
+            sum[c] = picture[pixel_of(own, row) * CHANNELS + c];
+        }
+    }
+    return sum;
+}
+
+// Writes a pixel: the mean after its last view, else what has been summed up so far.
+fn write(rows: u32, own: vec2<u32>, row: u32, sum: vec4<f32>, missed: f32, count: f32, is_last: bool) {
+    if (rows & (1u << row)) == 0u {
+        return;
+    }
+    let pixel = pixel_of(own, row);
+    var value = sum;
+    if is_last {
+        value = mean(sum, count, missed, pixel);
+    } else {
+        missed_before[pixel] = missed;
+    }
+    for (var c = 0u; c < CHANNELS; c++) {
+        picture[pixel * CHANNELS + c] = value[c];
+    }
+}
+
 @compute @workgroup_size(64, 4)
 fn sweep(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -217,18 +273,23 @@ fn sweep(
         // An earlier pass was its last.
         return;
     }
-    var missed = array<f32, ROWS>();
+    // The rows inside the frame.
+    var rows = 0u;
+    for (var row = 0u; row < ROWS; row++) {
+        rows |= select(0u, 1u << row, all(vec2(own.x, own.y + 4u * row) < params.size));
+    }
+    var missed = vec4<f32>();
     if params.first_view > 0u {
-        for (var row = 0u; row < ROWS; row++) {
-            let at = vec2(own.x, own.y + 4u * row);
-            if all(at < params.size) {
-                let pixel = at.y * params.size.x + at.x;
-                missed[row] = missed_before[pixel];
-                for (var c = 0u; c < CHANNELS; c++) {
-                    sums[row][c] = picture[pixel * CHANNELS + c];
-                }
-            }
-        }
+        missed = vec4(
+            missed_at(rows, own, 0u),
+            missed_at(rows, own, 1u),
+            missed_at(rows, own, 2u),
+            missed_at(rows, own, 3u),
+        );
+        sum_0 = sum_at(rows, own, 0u);
+        sum_1 = sum_at(rows, own, 1u);
+        sum_2 = sum_at(rows, own, 2u);
+        sum_3 = sum_at(rows, own, 3u);
     }
     let count = min(tiles[tile].views, params.end_view);
     for (var batch = params.first_view; batch < count; batch += BATCH) {
@@ -240,29 +301,14 @@ fn sweep(
         }
         workgroupBarrier();
         for (var slot = 0u; slot < here; slot++) {
-            for (var row = 0u; row < ROWS; row++) {
-                waiting[row] = own.x < params.size.x && own.y + 4u * row < params.size.y;
-            }
+            waiting = rows;
             follow(tile, view_at(first + slot), slot);
-            for (var row = 0u; row < ROWS; row++) {
-                missed[row] += select(0.0, 1.0, waiting[row]);
-            }
+            missed += vec4<f32>((vec4(waiting) >> vec4(0u, 1u, 2u, 3u)) & vec4(1u));
         }
     }
-    for (var row = 0u; row < ROWS; row++) {
-        let at = vec2(own.x, own.y + 4u * row);
-        if any(at >= params.size) {
-            continue;
-        }
-        let pixel = at.y * params.size.x + at.x;
-        var value = sums[row];
-        if count < tiles[tile].views {
-            missed_before[pixel] = missed[row];
-        } else {
-            value = mean(sums[row], f32(count), missed[row], pixel);
-        }
-        for (var c = 0u; c < CHANNELS; c++) {
-            picture[pixel * CHANNELS + c] = value[c];
-        }
-    }
+    let is_last = count == tiles[tile].views;
+    write(rows, own, 0u, sum_0, missed.x, f32(count), is_last);
+    write(rows, own, 1u, sum_1, missed.y, f32(count), is_last);
+    write(rows, own, 2u, sum_2, missed.z, f32(count), is_last);
+    write(rows, own, 3u, sum_3, missed.w, f32(count), is_last);
 }

@@ -20,9 +20,7 @@ pub fn render(
     simd: Simd,
     cancel: &Cancel,
 ) -> Result<Vec<f32>> {
-    let radius = |d| radius(optics, d);
-    let largest = layer.disparity_range().map(radius).into_iter().fold(0.0, f32::max);
-    let plan = Plan::new(settings, f64::from(largest));
+    let plan = Plan::new(settings, optics.largest_radius_px(layer.disparity_range()));
 
     let small =
         Size { width: size.width.div_ceil(plan.scale), height: size.height.div_ceil(plan.scale), ..size };

@@ -7,7 +7,10 @@ pub mod adapters;
 mod commands;
 mod device;
 mod gaussian;
+mod hexagonal;
 mod lens;
+mod levels;
+mod poisson;
 mod process;
 mod resident;
 mod resolve;
@@ -16,7 +19,6 @@ mod taps;
 #[cfg(test)]
 mod tests;
 
-pub use device::Gpu;
 pub use resident::Residence;
 
 use crate::cancel::Cancel;
@@ -27,10 +29,11 @@ use crate::optics::{Imaging, Optics};
 use crate::picture::Picture;
 use crate::render::{Method, Rendered};
 use commands::{Commands, Pending};
+use device::Gpu;
 use std::sync::Arc;
 
 /// The methods that have a GPU path.
-pub const METHODS: [&str; 3] = ["lens", "gaussian", "taps"];
+pub const METHODS: [&str; 6] = ["lens", "poisson", "gaussian", "hexagonal", "levels", "taps"];
 
 /// What is rendered.
 pub struct Source<'a, S> {
@@ -100,6 +103,9 @@ fn start<S: Fn(&Optics) -> Result<Arc<Sheets>>>(
                 let input = lens::Input { picture: &picture, sheets, cells, supersample: source.supersample };
                 lens::render(&mut commands, &input, optics, settings, simd, cancel)
             }
+            (Method::Poisson(settings), _) => poisson::render(&mut commands, &picture, optics, settings),
+            (Method::Hexagonal(settings), _) => hexagonal::render(&mut commands, &picture, optics, settings),
+            (Method::Levels(settings), _) => levels::render(&mut commands, &picture, optics, settings),
             (Method::Gaussian(settings), _) => gaussian::render(&mut commands, &picture, optics, settings),
             (Method::Taps(settings), _) => taps::render(&mut commands, &picture, optics, settings),
             (other, _) => Err(no_path(other.name())),

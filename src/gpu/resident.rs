@@ -18,6 +18,8 @@ pub struct Resident {
     pub color: wgpu::Buffer,
     /// Disparity of the front layer.
     pub disparity: wgpu::Buffer,
+    /// The least and the greatest of them.
+    pub disparity_range: [f32; 2],
 }
 
 impl Resident {
@@ -36,6 +38,7 @@ impl Resident {
             layers: picture.layers.len(),
             color,
             disparity,
+            disparity_range: picture.layers[0].disparity_range(),
         })
     }
 }

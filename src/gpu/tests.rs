@@ -9,7 +9,7 @@ use crate::cancel::Cancel;
 use crate::cpu::simd::Simd;
 use crate::device::Device;
 use crate::error::Error;
-use crate::optics::{Frame, Imaging, Lens, Strength};
+use crate::optics::{Frame, Imaging, Lens, Optics, Strength};
 use crate::picture::{Layer, Picture, Size};
 use crate::plan::taps::{Settings, Variant};
 use crate::render::{Method, Scene};
@@ -79,13 +79,14 @@ fn a_device_that_is_lost_while_it_works_is_an_error() {
             supersample: 1,
         };
         let cancel = Cancel::default();
-        let pending = super::start(&gpu, &source, &OPTICS, &taps(), Simd::Portable, &cancel).unwrap();
+        let pending = super::start(&gpu, &source, &lens().optics, &taps(), Simd::Portable, &cancel).unwrap();
         gpu.device.destroy();
         let error = pending.wait(&cancel).err();
         assert!(matches!(error, Some(Error::Device(_))), "{error:?}");
         gpu.retire();
         assert!(
-            super::start(&Gpu::open(0).unwrap(), &source, &OPTICS, &taps(), Simd::Portable, &cancel).is_ok()
+            super::start(&Gpu::open(0).unwrap(), &source, &lens().optics, &taps(), Simd::Portable, &cancel)
+                .is_ok()
         );
     });
 }

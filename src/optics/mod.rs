@@ -69,6 +69,12 @@ pub struct Defocus {
 }
 
 impl Optics {
+    /// The radius of the largest circle of confusion in a frame with disparities in this range. The shift is linear in
+    /// disparity, so that it is largest at one end.
+    pub fn largest_radius_px(&self, disparities: [f32; 2]) -> f64 {
+        disparities.map(|d| self.shift_px(f64::from(d)).abs()).into_iter().fold(0.0, f64::max)
+    }
+
     /// `factor` times the distance from the focus plane.
     pub fn defocus(&self, measure: Measure, factor: f64) -> Defocus {
         let scale = match measure {

@@ -18,6 +18,7 @@
 //! a scale at which five look-ups along each axis are enough.
 
 use crate::error::{Result, value_error};
+use crate::optics::{Defocus, Measure, Optics};
 
 /// Filter steps; see [`KEPT`].
 pub const STEPS: usize = 5;
@@ -50,7 +51,7 @@ pub struct Plan {
     /// Weights of a filter step along either axis: of the middle, of the look-ups beside it, and of those beyond.
     pub weights: [f32; 3],
     /// `x` for every pixel of the circle of confusion's radius, from `x = -1`.
-    x_per_px: f32,
+    x_per_px: f64,
 }
 
 impl Plan {
@@ -69,15 +70,20 @@ impl Plan {
         // (a, 1 - 2 a, a) has the variance 2 a, and twice in a row 4 a.
         let (side, middle) = (0.25 * step, 1.0 - 0.5 * step);
         let weights = [middle * middle + 2.0 * side * side, 2.0 * side * middle, side * side];
-        Plan { scale, weights: weights.map(|w| w as f32), x_per_px: (2.0 / c0) as f32 }
+        Plan { scale, weights: weights.map(|w| w as f32), x_per_px: 2.0 / c0 }
     }
 
     /// How far a pixel of this circle of confusion lies between the first target and the last.
     #[inline(always)]
     pub fn level(&self, radius_px: f32) -> f32 {
-        let x = radius_px * self.x_per_px - 1.0;
+        let x = radius_px * self.x_per_px as f32 - 1.0;
         let x = if x > 0.0 { x } else { 0.0 };
         if x < 1.0 { x } else { 1.0 }
+    }
+
+    /// What `x + 1` is the amount of, `x` being cut at 0 and 1.
+    pub fn beginning(&self, optics: &Optics) -> Defocus {
+        optics.defocus(Measure::Shift, self.x_per_px)
     }
 }
 

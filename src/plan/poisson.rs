@@ -79,9 +79,9 @@ impl Bokeh {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LeakTest {
     /// Their own blurriness.
-    On,
+    On = 0,
     /// As much as all others.
-    Off,
+    Off = 1,
 }
 
 impl LeakTest {
@@ -231,7 +231,8 @@ pub struct Plan {
     /// Pixels to every side that are read.
     pub margin: usize,
     optics: Optics,
-    max_radius_px: f64,
+    /// Circles of confusion are limited to this radius.
+    pub max_radius_px: f64,
 }
 
 impl Plan {

@@ -11,11 +11,11 @@ import time
 
 import dofsim
 import numpy as np
+from dofsim._dofsim import methods_available
 from peers import lens_of, planes
 
 SIZES = {"1080p": (1920, 1080), "4K": (3840, 2160)}
 RADII_PX = (4, 16, 64)
-METHODS = ("lens", "gaussian", "taps")
 
 
 def resized(plane, width, height):
@@ -70,10 +70,14 @@ def main() -> None:
         color, depth = (resized(plane, width, height) for plane in planes())
         for radius in arguments.radius or RADII_PX:
             lens = lens_of(radius, depth)
-            for method in METHODS:
-                times = measured(arguments.runs, color, depth, lens, arguments.device, method)
+            for method in methods_available():
+                try:
+                    times = measured(arguments.runs, color, depth, lens, arguments.device, method)
+                except dofsim.DeviceError as error:
+                    print(f"| {method} | {name} | {radius} | {error} |", flush=True)
+                    continue
                 shown = " | ".join(f"{ms:.2f}" for ms in times)
-                print(f"| {method} | {name} | {radius} | {shown} | {times[3] / times[1]:.1f} |", flush=True)
+                print(f"| {method} | {name} | {radius} | {shown} | {times[3] / times[1]:.2f} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -31,7 +31,6 @@ shared! {
         first_step: i32,
         first_row: u32,
         end_row: u32,
-        _end: u32,
     }
 }
 
@@ -66,7 +65,6 @@ pub fn pass(commands: &mut Commands, frame: &Frame, kernels: &Kernels, colors: &
         first_step: kernels.first_step,
         first_row: 0,
         end_row: 0,
-        _end: 0,
     };
     let tile = |&(at, disc): &((usize, usize), Disc)| {
         let kernel = match disc {

@@ -1,11 +1,11 @@
 use super::Shader;
-use crate::gpu::{gaussian, lens, resolve, taps};
+use crate::gpu::{gaussian, hexagonal, lens, levels, poisson, resolve, taps};
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{Module, ShaderStage, TypeInner, front::wgsl};
 use std::path::Path;
 
 /// Every shader there is.
-const SHADERS: [Shader; 14] = [
+const SHADERS: [Shader; 20] = [
     gaussian::HALVE,
     gaussian::BLUR_X,
     gaussian::BLUR_Y,
@@ -18,6 +18,12 @@ const SHADERS: [Shader; 14] = [
     lens::disc::DISC,
     lens::sweep::SWEEP,
     lens::highlights::HIGHLIGHTS,
+    hexagonal::GATHER,
+    hexagonal::SHADE,
+    levels::REDUCE,
+    levels::FILTER,
+    levels::INTERPOLATE,
+    poisson::POISSON,
     resolve::RESOLVE,
     taps::TAPS,
 ];

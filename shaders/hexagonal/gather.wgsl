@@ -1,0 +1,51 @@
+// The first pass: both targets, from the picture. The second has the lines of the first as well.
+
+@group(0) @binding(4) var<storage, read_write> near_first: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read_write> rest_first: array<vec4<f32>>;
+// Coverage and radius of the light in front, and what is seen of the rest.
+@group(0) @binding(6) var<storage, read_write> parts_first: array<vec4<f32>>;
+@group(0) @binding(7) var<storage, read_write> near_second: array<vec4<f32>>;
+@group(0) @binding(8) var<storage, read_write> rest_second: array<vec4<f32>>;
+@group(0) @binding(9) var<storage, read_write> parts_second: array<vec4<f32>>;
+
+fn near_radius(target_index: u32, at: vec2<i32>, coc: f32) -> f32 {
+    return max(-coc, 0.0);
+}
+
+fn near_light(target_index: u32, at: vec2<i32>, coc: f32) -> Near {
+    let color = color_at(params.size, index_in(params.size, at.x, at.y));
+    return Near(color / -coc, 1.0 / -coc);
+}
+
+fn rest_light(target_index: u32, at: vec2<i32>, coc: f32) -> Rest {
+    if coc < 0.0 {
+        return Rest();
+    }
+    return Rest(color_at(params.size, index_in(params.size, at.x, at.y)), 1.0);
+}
+
+@compute @workgroup_size(16, 16)
+fn gather(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy >= params.frame) {
+        return;
+    }
+    let at = vec2<i32>(id.xy) - vec2<i32>(params.origin);
+    let own = coc_of(index_in(params.size, at.x, at.y));
+    let i = frame_index(at);
+    var sums = Sums();
+    for (var line = 0u; line < params.count; line++) {
+        sums = add_line(sums, params.lines[line], at, own);
+        // Divided by its radius, as the picture's own light.
+        let share = select(0.0, 1.0 / sums.radius, sums.radius > 0.0);
+        let parts = vec4<f32>(share * sums.near.coverage, sums.radius, sums.rest.seen, 0.0);
+        if params.lines[line].z == 0u {
+            near_first[i] = share * sums.near.color;
+            rest_first[i] = sums.rest.color;
+            parts_first[i] = parts;
+        } else {
+            near_second[i] = share * sums.near.color;
+            rest_second[i] = sums.rest.color;
+            parts_second[i] = parts;
+        }
+    }
+}

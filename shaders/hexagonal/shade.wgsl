@@ -1,0 +1,70 @@
+// The second pass: the targets blurred and added, and the light in front laid over the rest.
+
+@group(0) @binding(4) var<storage, read> near_first: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read> rest_first: array<vec4<f32>>;
+// Coverage and radius of the light in front, and what is seen of the rest.
+@group(0) @binding(6) var<storage, read> parts_first: array<vec4<f32>>;
+@group(0) @binding(7) var<storage, read> near_second: array<vec4<f32>>;
+@group(0) @binding(8) var<storage, read> rest_second: array<vec4<f32>>;
+@group(0) @binding(9) var<storage, read> parts_second: array<vec4<f32>>;
+@group(0) @binding(10) var<storage, read_write> picture: array<f32>;
+
+fn parts_of(target_index: u32, i: u32) -> vec4<f32> {
+    if target_index == 0u {
+        return parts_first[i];
+    }
+    return parts_second[i];
+}
+
+fn near_radius(target_index: u32, at: vec2<i32>, coc: f32) -> f32 {
+    return parts_of(target_index, frame_index(at)).y;
+}
+
+fn near_light(target_index: u32, at: vec2<i32>, coc: f32) -> Near {
+    let i = frame_index(at);
+    if target_index == 0u {
+        return Near(near_first[i], parts_first[i].x);
+    }
+    return Near(near_second[i], parts_second[i].x);
+}
+
+fn rest_light(target_index: u32, at: vec2<i32>, coc: f32) -> Rest {
+    let i = frame_index(at);
+    if target_index == 0u {
+        return Rest(rest_first[i], parts_first[i].z);
+    }
+    return Rest(rest_second[i], parts_second[i].z);
+}
+
+// The layers put together.
+fn over(sums: Sums, sharp: vec4<f32>, coc: f32) -> vec4<f32> {
+    let near = params.scale * sums.near.color;
+    let coverage = params.scale * sums.near.coverage;
+    let rest = params.scale * sums.rest.color;
+    if coc < 0.0 {
+        // A surface in front is as opaque as it is there, and what it lets past is what is seen around it.
+        return (near + rest) / (coverage + params.scale * sums.rest.seen);
+    }
+    // Blurred and sharp are blended over the first pixel of the circle of confusion.
+    let behind = sharp + min(coc, 1.0) * (rest - sharp);
+    let excess = max(coverage, 1.0);
+    return near / excess + (1.0 - coverage / excess) * behind;
+}
+
+@compute @workgroup_size(16, 16)
+fn shade(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy >= params.size) {
+        return;
+    }
+    let at = vec2<i32>(id.xy);
+    let pixel = id.y * params.size.x + id.x;
+    let own = coc_of(pixel);
+    var sums = Sums();
+    for (var line = 0u; line < params.count; line++) {
+        sums = add_line(sums, params.lines[line], at, own);
+    }
+    let value = over(sums, color_at(params.size, pixel), own);
+    for (var c = 0u; c < CHANNELS; c++) {
+        picture[pixel * CHANNELS + c] = value[c];
+    }
+}

@@ -1,0 +1,120 @@
+//! Carries out [`plan::hexagonal`](crate::plan::hexagonal).
+
+use super::commands::Bound::{Read, Write};
+use super::commands::{Commands, groups};
+use super::resident::Resident;
+use super::shader::{Defocus, Shader, shader, shared};
+use crate::error::Result;
+use crate::optics::{Measure, Optics};
+use crate::plan::hexagonal::{self as plan, Plan, Settings};
+
+pub const GATHER: Shader =
+    shader!("hexagonal/gather", ["border", "picture", "defocus", "hexagonal/lines"], [Params, Tap, Defocus]);
+pub const SHADE: Shader =
+    shader!("hexagonal/shade", ["border", "picture", "defocus", "hexagonal/lines"], [Params, Tap, Defocus]);
+
+/// The most lines that a pass has.
+const MAX_LINES: usize = 4;
+/// The most targets.
+const MAX_TARGETS: usize = 2;
+
+shared! {
+    struct Params {
+        size: [u32; 2],
+        frame: [u32; 2],
+        origin: [u32; 2],
+        count: u32,
+        scale: f32,
+        lines: [[u32; 4]; MAX_LINES],
+        max_coc_px: f32,
+        _gap: [u32; 3],
+        shift: Defocus,
+        _end: u32,
+    }
+}
+
+shared! {
+    struct Tap {
+        dx: i32,
+        dy: i32,
+        share: f32,
+        from_px: f32,
+        step_px: f32,
+    }
+}
+
+impl From<&plan::Tap> for Tap {
+    fn from(tap: &plan::Tap) -> Tap {
+        Tap { dx: tap.dx, dy: tap.dy, share: tap.share, from_px: tap.from_px, step_px: tap.step_px }
+    }
+}
+
+/// The lines of one pass, one after another.
+struct Lines {
+    taps: Vec<Tap>,
+    lines: [[u32; 4]; MAX_LINES],
+    count: usize,
+}
+
+impl Lines {
+    fn new(plan: &Plan, of: impl Fn(&plan::Target) -> &Vec<Vec<plan::Tap>>) -> Lines {
+        let mut all = Lines { taps: Vec::new(), lines: [[0; 4]; MAX_LINES], count: 0 };
+        for (i, target) in plan.targets.iter().enumerate() {
+            for line in of(target) {
+                let first = all.taps.len();
+                all.taps.extend(line.iter().map(Tap::from));
+                all.lines[all.count] = [first as u32, all.taps.len() as u32, i as u32, 0];
+                all.count += 1;
+            }
+        }
+        all
+    }
+}
+
+/// The picture.
+pub fn render(
+    commands: &mut Commands,
+    scene: &Resident,
+    optics: &Optics,
+    settings: &Settings,
+) -> Result<wgpu::Buffer> {
+    let gpu = commands.gpu;
+    let size = scene.size;
+    let reach_px = optics.largest_radius_px(scene.disparity_range).min(settings.max_coc_px);
+    let plan = Plan::new(settings, reach_px);
+    let (margin, _) = plan.margins();
+    let (width, height) =
+        (margin.left + size.width + margin.right, margin.above + size.height + margin.below);
+    let params = |lines: &Lines| Params {
+        size: [size.width as u32, size.height as u32],
+        frame: [width as u32, height as u32],
+        origin: [margin.left as u32, margin.above as u32],
+        count: lines.count as u32,
+        scale: plan.scale,
+        lines: lines.lines,
+        max_coc_px: settings.max_coc_px as f32,
+        _gap: [0; 3],
+        shift: optics.defocus(Measure::Shift, 1.0).into(),
+        _end: 0,
+    };
+    let (gathered, spread) = (Lines::new(&plan, |t| &t.gathered), Lines::new(&plan, |t| &t.spread));
+    // A second target that there is none of is never looked at.
+    let mut planes = Vec::new();
+    for target in 0..MAX_TARGETS {
+        let len = if target < plan.targets.len() { width * height } else { 1 };
+        for what in ["light in front", "what is behind it", "what is seen of both"] {
+            planes.push(commands.scratch::<[f32; 4]>(what, len)?);
+        }
+    }
+    let picture = commands.output(size)?;
+    let input = [Read(&scene.color), Read(&scene.disparity)];
+
+    let taps = gpu.upload("the lines of the first pass", &gathered.taps)?;
+    let buffers: Vec<_> = input.into_iter().chain([Read(&taps)]).chain(planes.iter().map(Write)).collect();
+    commands.pass(&GATHER, size.channels, &params(&gathered), &buffers, groups(width, height))?;
+    let taps = gpu.upload("the lines of the second pass", &spread.taps)?;
+    let targets = [Read(&taps)].into_iter().chain(planes.iter().map(Read)).chain([Write(&picture)]);
+    let buffers: Vec<_> = input.into_iter().chain(targets).collect();
+    commands.pass(&SHADE, size.channels, &params(&spread), &buffers, groups(size.width, size.height))?;
+    Ok(picture)
+}

@@ -1,0 +1,88 @@
+//! Carries out [`plan::levels`](crate::plan::levels).
+
+use super::commands::Bound::{Read, Write};
+use super::commands::{Commands, groups};
+use super::resident::Resident;
+use super::shader::{Defocus, Shader, shader, shared};
+use crate::error::Result;
+use crate::optics::Optics;
+use crate::plan::levels::{KEPT, Plan, STEPS, Settings};
+
+pub const REDUCE: Shader = shader!("levels/reduce", ["border", "picture"], [ReduceParams]);
+pub const FILTER: Shader = shader!("levels/filter", ["border"], [FilterParams]);
+pub const INTERPOLATE: Shader =
+    shader!("levels/interpolate", ["border", "picture", "defocus"], [InterpolateParams, Defocus]);
+
+shared! {
+    /// Of the reduction.
+    struct ReduceParams {
+        size: [u32; 2],
+        small: [u32; 2],
+        block: u32,
+        _end: u32,
+    }
+}
+
+shared! {
+    /// Of a filter step.
+    struct FilterParams {
+        size: [u32; 2],
+        middle: f32,
+        beside: f32,
+        beyond: f32,
+        _end: u32,
+    }
+}
+
+shared! {
+    /// Of the interpolation.
+    struct InterpolateParams {
+        size: [u32; 2],
+        small: [u32; 2],
+        block: u32,
+        _gap: [u32; 3],
+        beginning: Defocus,
+        _end: u32,
+    }
+}
+
+/// The picture.
+pub fn render(
+    commands: &mut Commands,
+    scene: &Resident,
+    optics: &Optics,
+    settings: &Settings,
+) -> Result<wgpu::Buffer> {
+    let plan = Plan::new(settings, optics.largest_radius_px(scene.disparity_range));
+    let (size, c, block) = (scene.size, scene.size.channels, plan.scale as u32);
+    let (width, height) = (size.width.div_ceil(plan.scale), size.height.div_ceil(plan.scale));
+    let (full, small) = ([size.width as u32, size.height as u32], [width as u32, height as u32]);
+    let mut target = || commands.scratch::<[f32; 4]>("a target of the chain", width * height);
+    // Two in turn, and the one that is kept.
+    let (mut before, mut after, half_way) = (target()?, target()?, target()?);
+    let picture = commands.output(size)?;
+
+    let input = [Read(&scene.color), Read(&scene.disparity)];
+    let reduce = ReduceParams { size: full, small, block, _end: 0 };
+    let on_small = groups(width, height);
+    commands.pass(&REDUCE, c, &reduce, &[input[0], input[1], Write(&before)], on_small)?;
+    let [middle, beside, beyond] = plan.weights;
+    let filter = FilterParams { size: small, middle, beside, beyond, _end: 0 };
+    for step in 1..=STEPS {
+        let into = if step == KEPT { &half_way } else { &after };
+        let from = if step == KEPT + 1 { &half_way } else { &before };
+        commands.pass(&FILTER, c, &filter, &[Read(from), Write(into)], on_small)?;
+        std::mem::swap(&mut before, &mut after);
+    }
+    let interpolate = InterpolateParams {
+        size: full,
+        small,
+        block,
+        _gap: [0; 3],
+        beginning: plan.beginning(optics).into(),
+        _end: 0,
+    };
+    let buffers = [input[0], input[1], Read(&half_way), Read(&before), Write(&picture)];
+    commands.pass(&INTERPOLATE, c, &interpolate, &buffers, groups(size.width, size.height))?;
+    Ok(picture)
+}

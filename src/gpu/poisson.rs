@@ -1,0 +1,60 @@
+//! Carries out [`plan::poisson`](crate::plan::poisson).
+
+use super::commands::Bound::{Read, Write};
+use super::commands::{Commands, groups};
+use super::resident::Resident;
+use super::shader::{Defocus, Shader, shader, shared};
+use crate::error::Result;
+use crate::optics::{Measure, Optics};
+use crate::plan::poisson::{Plan, Settings};
+
+pub const POISSON: Shader = shader!("poisson", ["border", "picture", "defocus"], [Params, Tap, Defocus]);
+
+shared! {
+    struct Params {
+        size: [u32; 2],
+        count: u32,
+        leak_test: u32,
+        centre: f32,
+        max_radius_px: f32,
+        _gap: [u32; 2],
+        shift: Defocus,
+        _end: u32,
+    }
+}
+
+shared! {
+    struct Tap {
+        place: [f32; 2],
+        weight: f32,
+        _end: u32,
+    }
+}
+
+/// The picture.
+pub fn render(
+    commands: &mut Commands,
+    scene: &Resident,
+    optics: &Optics,
+    settings: &Settings,
+) -> Result<wgpu::Buffer> {
+    let plan = Plan::new(settings, optics);
+    let size = scene.size;
+    let tap = |tap: &crate::plan::poisson::Tap| Tap { place: [tap.x, tap.y], weight: tap.weight, _end: 0 };
+    let taps: Vec<Tap> = plan.taps.iter().map(tap).collect();
+    let params = Params {
+        size: [size.width as u32, size.height as u32],
+        count: taps.len() as u32,
+        leak_test: plan.leak_test as u32,
+        centre: plan.centre,
+        max_radius_px: plan.max_radius_px as f32,
+        _gap: [0; 2],
+        shift: optics.defocus(Measure::Shift, 1.0).into(),
+        _end: 0,
+    };
+    let taps = commands.gpu.upload("the table of taps", &taps)?;
+    let picture = commands.output(size)?;
+    let buffers = [Read(&scene.color), Read(&scene.disparity), Read(&taps), Write(&picture)];
+    commands.pass(&POISSON, size.channels, &params, &buffers, groups(size.width, size.height))?;
+    Ok(picture)
+}
