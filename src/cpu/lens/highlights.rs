@@ -183,24 +183,31 @@ pub fn extract(
     let mut highlights = Vec::new();
     let mut all_dimmed = Vec::new();
     for (i, sheet) in sheets.sheets.iter().enumerate() {
+        // A real layer has surroundings of its own: the one in front may be dark, or hardly there.
+        let own = (i > 0 && !sheet.colors.is_list()).then(|| Surroundings::new(size, &sheet.colors, simd));
+        let brighter = |b: usize| match &own {
+            Some(own) if own.limit[b] > front.limit[b] => own,
+            _ => &front,
+        };
         let stands_out = |&index: &usize| {
             let bright = brightness(&sheet.colors.at(index), lights);
+            let b = front.block_of(index);
             // An empty cell has a shift of NaN, which compares false.
-            bright > front.limit[front.block_of(index)]
-                && (f64::from(sheet.s[index]) - s_focus).abs() > IN_FOCUS_PX
+            bright > brighter(b).limit[b] && (f64::from(sheet.s[index]) - s_focus).abs() > IN_FOCUS_PX
         };
         let found: Vec<usize> = if sheet.colors.is_list() {
             let cells = sheet.colors.own(0..size.pixels()).par_iter().map(|cell| cell.index);
             cells.filter(stands_out).collect()
         } else {
-            let own = (i > 0).then(|| Surroundings::new(size, &sheet.colors, simd));
             let brightest = &own.as_ref().unwrap_or(&front).brightest;
-            let blocks = (0..brightest.len()).into_par_iter().filter(|&b| brightest[b] > front.limit[b]);
+            let blocks =
+                (0..brightest.len()).into_par_iter().filter(|&b| brightest[b] > brighter(b).limit[b]);
             blocks.flat_map_iter(|b| front.cells(b)).filter(stands_out).collect()
         };
         let mut dimmed = Vec::with_capacity(found.len());
         for index in found {
-            let (color, around) = (sheet.colors.at(index), front.around(front.block_of(index)));
+            let b = front.block_of(index);
+            let (color, around) = (sheet.colors.at(index), brighter(b).around(b));
             let excess: [f32; 4] =
                 std::array::from_fn(
                     |c| {
