@@ -59,9 +59,8 @@ pub struct Settings {
 
 /// Refuses lenses whose circles of confusion are beyond reason.
 pub fn check_radius(picture: &Picture, optics: &Optics) -> Result<()> {
-    // The shift is linear in disparity, so that it is largest at one end.
-    let ends = picture.layers.iter().flat_map(|layer| layer.disparity_range());
-    let radius = ends.map(|d| optics.shift_px(f64::from(d)).abs()).fold(0.0, f64::max);
+    let radii = picture.layers.iter().map(|layer| optics.largest_radius_px(layer.disparity_range()));
+    let radius = radii.fold(0.0, f64::max);
     if radius.is_nan() || radius > MAX_RADIUS_PX {
         return Err(value_error!(
             "lens: the largest circle of confusion would have a radius of {radius:.0} px; at most \
