@@ -34,8 +34,12 @@ def color():
 @pytest.mark.parametrize("method", ["lens", "poisson", "hexagonal", "levels", "taps", "gaussian", "sprites"])
 @pytest.mark.parametrize("tilt", TILTS)
 def test_a_textured_plane_in_focus_is_unchanged_however_it_leans(color, tilt, method):
-    out = dofsim.render(color, leaning(tilt), LENS.replace(tilt=tilt), method=method)
+    lens = LENS.replace(tilt=tilt, aperture_radius=0.3)
+    out = dofsim.render(color, leaning(tilt), lens, method=method)
     assert_allclose(out, color, atol=1e-5)
+    # It would not be if it leant the other way.
+    other = dofsim.render(color, leaning(tilt), lens.replace(tilt=(-tilt[0], -tilt[1])), method=method)
+    assert np.abs(other - color).max() > 0.1
 
 
 @pytest.mark.parametrize("tilt", TILTS)

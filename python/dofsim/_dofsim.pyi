@@ -173,13 +173,13 @@ class Lens:
         focus_distance: float,
         fov: float,
         fov_axis: _FovAxis = "x",
-        tilt: _Pair = (0.0, 0.0),
+        tilt: _Pair = ...,
         field_curvature: float = 0.0,
-        axial_color: _Triple = (0.0, 0.0, 0.0),
-        lateral_color: _Triple = (0.0, 0.0, 0.0),
+        axial_color: _Triple = ...,
+        lateral_color: _Triple = ...,
         cat_eye: float = 0.0,
         vignetting: _Vignetting = "none",
-        principal_point: _Pair = (0.0, 0.0),
+        principal_point: _Pair = ...,
         sensor_mm: float | None = None,
         breathing_focal_length_mm: float | None = None,
     ) -> Lens: ...
@@ -215,11 +215,11 @@ class Lens:
         strength_px: float | None = None,
         strength_percent: float | None = None,
         focus: float,
-        axial_color: _Triple = (0.0, 0.0, 0.0),
-        lateral_color: _Triple = (0.0, 0.0, 0.0),
+        axial_color: _Triple = ...,
+        lateral_color: _Triple = ...,
         cat_eye: float = 0.0,
         vignetting: _Vignetting = "none",
-        principal_point: _Pair = (0.0, 0.0),
+        principal_point: _Pair = ...,
     ) -> Lens: ...
     @property
     def aperture_radius(self, /) -> float | None: ...
