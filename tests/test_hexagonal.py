@@ -51,6 +51,20 @@ def test_it_is_its_formula(request, color, scene, n, rotation):
     np.testing.assert_allclose(render(color, coc_px, blades(n, rotation)), expected, atol=1e-5)
 
 
+def test_regions_of_one_kind_are_their_formula_too():
+    """Where all around is in front, in focus or behind, work is left out."""
+    height, width = 260, 330
+    y, x = np.mgrid[:height, :width]
+    bands = [np.full_like(x, -3.0, float), 0.0 * x, 4.0 + 0.004 * x, -2.0 - 0.01 * x]
+    coc_px = np.choose(y // 65, bands).astype(np.float32)
+    coc_px[:, 280:] = np.where(y[:, 280:] < 130, 2.5, 0.0)
+    color = np.random.default_rng(5).random((height, width, 3), dtype=np.float32)
+    expected = oracle.render(color, coc_px)
+    np.testing.assert_allclose(render(color, coc_px), expected, atol=1e-5)
+    # What is left out where nothing is blurred is everything.
+    np.testing.assert_array_equal(render(color, np.where(y < 200, 0.0, coc_px))[:150], color[:150])
+
+
 def test_without_an_aperture_it_is_the_upright_hexagon(color, edges):
     np.testing.assert_array_equal(render(color, edges), render(color, edges, blades(6, UPRIGHT)))
 

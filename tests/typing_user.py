@@ -60,12 +60,12 @@ def bracket(color: NDArray[np.float32], depth: NDArray[np.float64]) -> NDArray[n
     scene = Scene(color, depth, device="cpu", supersample=2)
     assert_type(scene.render(lens, aperture=hexagon), NDArray[Any])
     scene.focal_stack(lens, [1.0, 2.0], views=128)
+    for frame in focus_pull(scene, lens, [(0, 1.0), (24, 3.0)], easing="in", views=128):
+        print(frame.shape, SENSORS["aps-c"])
     assert_type(scene.profile(lens, method="gaussian"), list[tuple[str, float]])
     for device in devices():
         if device.kind != "software":
             Scene(color, depth, device=device.id)
-    for frame in focus_pull(scene, lens, [(0, 1.0), (24, 3.0)], easing="in", views=128):
-        print(frame.shape, SENSORS["aps-c"])
     scene.focal_stack(lens, [1.0, 2.0], method="taps", views=128)  # type: ignore[call-overload]
     try:
         picture = render(color, depth, lens, device="gpu")

@@ -375,11 +375,15 @@ def focused_words(
     ValueError
         If the pixel is not in the picture, or has no depth.
     """
+    focus, focused = focus_word(words), without_focus(words)
     try:
-        found = make_lens(without_focus(words)).focused_at(depth, *pixel, **kind)
+        # Where a tilted plane meets the axis depends a little on the field of view, and that on the focus.
+        for _ in range(3):
+            found = make_lens(focused).focused_at(depth, *pixel, **kind)
+            focused = {**words, focus: getattr(found, focus)}
     except IndexError as error:
         raise ValueError(f"--focus-at: {error}") from error
-    return {**words, focus_word(words): getattr(found, focus_word(words))}
+    return focused
 
 
 def _spell(words: tuple[str, ...] | list[str]) -> str:

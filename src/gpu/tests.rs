@@ -9,7 +9,7 @@ use crate::cancel::Cancel;
 use crate::cpu::simd::Simd;
 use crate::device::Device;
 use crate::error::Error;
-use crate::optics::Optics;
+use crate::optics::{Frame, Imaging, Lens, Optics, Strength};
 use crate::picture::{Layer, Picture, Size};
 use crate::plan::taps::{Settings, Variant};
 use crate::render::{Method, Scene};
@@ -18,7 +18,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// Each test has the devices for itself, because it breaks them.
 static ALONE: Mutex<()> = Mutex::new(());
 
-const OPTICS: Optics = Optics { k: 4.0, d_focus: 0.5 };
+/// A lens over a frame of any size.
+fn lens() -> Imaging {
+    let lens = Lens::from_disparity(Strength::Px(4.0), 0.5).unwrap();
+    Frame::plain(300, 200).imaging(&lens).unwrap()
+}
 
 fn picture(width: usize, height: usize) -> Picture {
     let size = Size { width, height, channels: 3 };
@@ -32,7 +36,7 @@ fn taps() -> Method {
 }
 
 fn render(scene: &Scene, device: Device) -> crate::error::Result<Vec<f32>> {
-    let rendered = scene.render_each(&[OPTICS], &taps(), device, Simd::Portable, &Cancel::default())?;
+    let rendered = scene.render_each(&[lens()], &taps(), device, Simd::Portable, &Cancel::default())?;
     Ok(rendered.into_iter().next().unwrap().pixels)
 }
 
@@ -49,7 +53,7 @@ fn on_adapter(test: impl FnOnce()) {
 #[test]
 fn a_device_that_was_lost_is_an_error_and_then_another_is_opened() {
     on_adapter(|| {
-        let scene = Scene::new(picture(300, 200), 1);
+        let scene = Scene::new(picture(300, 200), 3, 1);
         let expected = render(&scene, Device::Gpu(0)).unwrap();
         let gpu = Gpu::open(0).unwrap();
         gpu.device.destroy();
@@ -75,13 +79,14 @@ fn a_device_that_is_lost_while_it_works_is_an_error() {
             supersample: 1,
         };
         let cancel = Cancel::default();
-        let pending = super::start(&gpu, &source, &OPTICS, &taps(), Simd::Portable, &cancel).unwrap();
+        let pending = super::start(&gpu, &source, &lens().optics, &taps(), Simd::Portable, &cancel).unwrap();
         gpu.device.destroy();
         let error = pending.wait(&cancel).err();
         assert!(matches!(error, Some(Error::Device(_))), "{error:?}");
         gpu.retire();
         assert!(
-            super::start(&Gpu::open(0).unwrap(), &source, &OPTICS, &taps(), Simd::Portable, &cancel).is_ok()
+            super::start(&Gpu::open(0).unwrap(), &source, &lens().optics, &taps(), Simd::Portable, &cancel)
+                .is_ok()
         );
     });
 }
@@ -89,10 +94,10 @@ fn a_device_that_is_lost_while_it_works_is_an_error() {
 #[test]
 fn a_wait_can_be_cancelled() {
     on_adapter(|| {
-        let scene = Scene::new(picture(2000, 1500), 1);
+        let scene = Scene::new(picture(2000, 1500), 3, 1);
         let cancel = Cancel::default();
         cancel.cancel();
-        let result = scene.render_each(&[OPTICS], &taps(), Device::Gpu(0), Simd::Portable, &cancel);
+        let result = scene.render_each(&[lens()], &taps(), Device::Gpu(0), Simd::Portable, &cancel);
         // A device that is done before the first look has nothing to cancel.
         assert!(matches!(result, Ok(_) | Err(Error::Cancelled)), "{:?}", result.err());
         assert!(render(&scene, Device::Gpu(0)).is_ok());
