@@ -228,9 +228,10 @@ def layers(alpha):
 
 
 @pytest.mark.parametrize("alpha", ["whole", "partial", "open"])
-def test_gpu_and_cpu_agree_on_layers(gpu, alpha):
+@pytest.mark.parametrize("strength_px", [0.0, 3.0])
+def test_gpu_and_cpu_agree_on_layers(gpu, alpha, strength_px):
     scene = layers(alpha)
-    on_gpu, on_cpu = (render(*scene, device, strength_px=3.0) for device in (gpu, "cpu"))
+    on_gpu, on_cpu = (render(*scene, device, strength_px=strength_px) for device in (gpu, "cpu"))
     assert_agree(on_gpu, on_cpu, "lens")
 
 
