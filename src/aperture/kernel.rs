@@ -28,8 +28,9 @@ impl Aperture {
 
     /// An opening inside an outline: areas of whole polygons, added up.
     fn outline_kernel(&self, outline: &Outline, side: Side, t: f64, reach: i32) -> Kernel {
-        // A rim for every pixel, so that no step shows, but enough for the light of small ones.
-        let steps = (t.abs() as usize).clamp(24, 256);
+        // Rims half a pixel apart, so that no step shows, and enough for the moments of small openings.
+        let steps = (2.0 * t.abs()) as usize;
+        let steps = steps.clamp(64, 512);
         let contour = outline.contour();
         let mut coverage = Coverage::new(reach);
         let stack = self.profile.stack(steps, side);
