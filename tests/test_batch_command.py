@@ -257,8 +257,19 @@ def test_refusals(few, capsys, arguments, message):
 # The end of a run
 
 
+# A shell has its background jobs ignore Ctrl-C, and what they start inherits that.
+START = """
+import signal
+from dofsim.cli import main
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    main()
+"""
+
+
 def start(*arguments):
-    command = [sys.executable, "-c", "from dofsim.cli import main; main()", "batch", *arguments]
+    command = [sys.executable, "-c", START, "batch", *arguments]
     return subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
