@@ -42,13 +42,16 @@ def main() -> None:
         mpl.use("agg")
         figure = Figure(figsize=(5.0, 3.5), dpi=100, layout="constrained")
         axes = figure.add_subplot()
-        axes.loglog(RADII_PX, [1e3 * s for s in seconds], "o-", label=f'method="{arguments.method}"')
+        times = [1e3 * s for s in seconds]
+        axes.loglog(RADII_PX, times, "o-", label=f'method="{arguments.method}"')
         linear = [1e3 * seconds[0] * radius / RADII_PX[0] for radius in RADII_PX]
         axes.loglog(RADII_PX, linear, "--", color="grey", label="linear in the radius")
+        axes.minorticks_off()
         axes.set_xticks(RADII_PX, [str(radius) for radius in RADII_PX])
+        axes.set_yticks(times, [f"{milliseconds:.0f}" for milliseconds in times])
         axes.set_xlabel("largest radius of the circle of confusion in pixels")
         axes.set_ylabel("milliseconds")
-        axes.set_title(f"{WIDTH} x {HEIGHT}, {arguments.threads} threads")
+        axes.set_title(f"{WIDTH} x {HEIGHT}, threads: {arguments.threads}")
         axes.legend()
         figure.savefig(arguments.plot)
 
