@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import sys
 import time
@@ -21,9 +20,8 @@ import dofsim
 from . import _options as options
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
-
     from .batch import Frame, Row
+    from .batch.workers import Workers
 
 _FRAMES = "Frames"
 _OUTPUTS = "Outputs"
@@ -318,14 +316,14 @@ def _run(frames: list[Frame], output: Path, *, workers: int, dask: str | None, r
     counts: Counter[str] = Counter()
     start = time.perf_counter()
     with (
-        _executor(workers, dask) as (executor, slots, threads),
+        _workers(workers, dask) as found,
         # Only people are shown how it goes on, not files.
         tqdm(total=len(frames), unit="frame", disable=None) as progress,
     ):
         for result in map_frames(
-            [_with_threads(frame, threads) for frame in frames],
-            executor=executor,
-            in_flight=2 * slots,
+            [_with_threads(frame, found.threads_each) for frame in frames],
+            executor=found.executor,
+            in_flight=2 * found.slots,
             resume=resume,
             failures=failures,
         ):
@@ -350,25 +348,22 @@ def _with_threads(frame: Frame, threads: int | None) -> Frame:
 
 
 @contextmanager
-def _executor(workers: int, dask: str | None) -> Iterator[tuple[Executor | None, int, int | None]]:
-    """Give an executor, how many frames it computes at a time, and the threads for each of them.
-
-    One worker is this process itself.
-    """
+def _workers(workers: int, dask: str | None) -> Iterator[Workers]:
+    """Start those who compute the frames, or find them."""
     from concurrent.futures import BrokenExecutor
 
-    from .batch.workers import dask_cluster, process_pool
+    from .batch.workers import Workers, dask_cluster, process_pool, share_of_processors
 
     if dask is not None:
         with dask_cluster(dask, workers) as cluster:
-            yield cluster.executor, cluster.slots, cluster.threads_each
+            yield cluster
         return
     if workers == 1:
-        yield None, 1, None
+        yield Workers(executor=None, slots=1, threads_each=None)
         return
     try:
         with process_pool(workers) as pool:
-            yield pool, workers, max(1, (os.cpu_count() or 1) // workers)
+            yield Workers(pool, workers, share_of_processors(workers))
     except BrokenExecutor as error:
         raise OSError(
             "a worker was killed, as happens when memory runs out; run again to go on, with fewer --workers"

@@ -40,7 +40,7 @@ def file_kind(path: StrPath) -> str:
     try:
         return _dofsim.file_kind(path)
     except ValueError:
-        start = _start(Path(path))
+        start = first_bytes(path, 4)
         if start == _DPT_START:
             return "dpt"
         if start == _HDF5_START:
@@ -48,12 +48,12 @@ def file_kind(path: StrPath) -> str:
         raise
 
 
-def _start(path: Path) -> bytes:
-    # A pipe would be waited for.
-    if not path.is_file():
+def first_bytes(path: StrPath, count: int) -> bytes:
+    """Read how a file begins; nothing of what is no file, for a pipe would be waited for."""
+    if not Path(path).is_file():
         return b""
-    with path.open("rb") as file:
-        return file.read(4)
+    with Path(path).open("rb") as file:
+        return file.read(count)
 
 
 def read_dpt(path: StrPath) -> NDArray[np.float32]:

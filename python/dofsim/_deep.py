@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ._arrays import StrPath
+from ._datasets import first_bytes
 
 Samples = dict[str, NDArray[np.float32]]
 
@@ -36,10 +36,7 @@ def is_deep(path: StrPath) -> bool:
     bool
         What its version field says.
     """
-    if not Path(path).is_file():
-        return False
-    with Path(path).open("rb") as file:
-        start = file.read(8)
+    start = first_bytes(path, 8)
     if len(start) < 8:
         return False
     magic, version = struct.unpack("<II", start)

@@ -40,26 +40,31 @@ def process_pool(workers: int) -> ProcessPoolExecutor:
 
 
 @dataclass(frozen=True)
-class Cluster:
-    """Workers of Dask.
+class Workers:
+    """Who computes frames.
 
     Attributes
     ----------
-    executor : concurrent.futures.Executor
-        Where to submit work.
+    executor : concurrent.futures.Executor, optional
+        Where to submit work, if not this process itself.
     slots : int
         How many calls are run at a time.
     threads_each : int, optional
         Threads that one call should use, if not all processors of its machine.
     """
 
-    executor: Executor
+    executor: Executor | None
     slots: int
     threads_each: int | None
 
 
+def share_of_processors(workers: int) -> int:
+    """Return the threads for each of some processes of this machine."""
+    return max(1, (os.cpu_count() or 1) // workers)
+
+
 @contextmanager
-def dask_cluster(address: str, workers: int) -> Iterator[Cluster]:
+def dask_cluster(address: str, workers: int) -> Iterator[Workers]:
     """Connect to a Dask scheduler, or start a cluster on this machine alone.
 
     Parameters
@@ -71,8 +76,8 @@ def dask_cluster(address: str, workers: int) -> Iterator[Cluster]:
 
     Yields
     ------
-    Cluster
-        Its workers. Where some of them have a resource called GPU, each call takes one.
+    Workers
+        Those of the cluster. Where some of them have a resource called GPU, each call takes one.
 
     Raises
     ------
@@ -102,13 +107,13 @@ def dask_cluster(address: str, workers: int) -> Iterator[Cluster]:
         resources = {"resources": {_GPU: 1}} if gpus else {}
         threads = [worker["nthreads"] for worker in known]
         if address == "local":
-            threads_each: int | None = max(1, (os.cpu_count() or 1) // workers)
+            threads_each: int | None = share_of_processors(workers)
         else:
             # A worker with several threads has one for each processor, and runs as many calls.
             threads_each = None if max(threads) == 1 else 1
         try:
             executor = client.get_executor(pure=False, retries=_RETRIES, **resources)
-            yield Cluster(executor, gpus or sum(threads), threads_each)
+            yield Workers(executor, gpus or sum(threads), threads_each)
         except distributed.KilledWorker as error:
             raise OSError(
                 "workers died too often over the same frame, as happens when memory runs out; "
