@@ -30,9 +30,8 @@ pub fn render(
     simd: Simd,
     cancel: &Cancel,
 ) -> Result<Vec<f32>> {
-    let mut frame = Frame { layer, size, optics, max_coc_px: settings.max_coc_px, tile: (0, 0) };
-    let reach_px = layer.disparity_range().map(|d| frame.coc(d).abs()).into_iter().fold(0.0, f32::max);
-    frame.tile = tile_size(reach_px);
+    let reach_px = optics.largest_radius_px(layer.disparity_range()).min(settings.max_coc_px) as f32;
+    let frame = Frame { layer, size, optics, max_coc_px: settings.max_coc_px, tile: tile_size(reach_px) };
     let plan = Plan::new(settings, f64::from(reach_px));
     let mut out = memory::zeros(size.pixels() * size.channels);
     tiles::split(&mut out, size, frame.tile).par_iter_mut().try_for_each_init(

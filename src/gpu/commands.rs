@@ -39,6 +39,11 @@ fn take(spare: &mut Vec<wgpu::Buffer>, bytes: usize) -> Option<wgpu::Buffer> {
     Some(spare.swap_remove(fits))
 }
 
+/// The size of a frame as shaders have it.
+pub fn pixels(size: Size) -> [u32; 2] {
+    [size.width as u32, size.height as u32]
+}
+
 /// Workgroups that cover a frame.
 pub fn groups(width: usize, height: usize) -> [u32; 3] {
     [width.div_ceil(GROUP) as u32, height.div_ceil(GROUP) as u32, 1]

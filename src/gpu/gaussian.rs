@@ -1,7 +1,7 @@
 //! Carries out [`plan::gaussian`](crate::plan::gaussian).
 
 use super::commands::Bound::{Read, Write};
-use super::commands::{Commands, groups};
+use super::commands::{Commands, groups, pixels};
 use super::resident::Resident;
 use super::shader::{Defocus, Shader, shader, shared};
 use crate::error::Result;
@@ -62,12 +62,7 @@ pub fn render(
     let (size, c) = (scene.size, scene.size.channels);
     let half = (size.width.div_ceil(2), size.height.div_ceil(2));
     let half_size = [half.0 as u32, half.1 as u32];
-    let frame = FrameParams {
-        size: [size.width as u32, size.height as u32],
-        half: half_size,
-        defocus: plan.defocus().into(),
-        _end: 0,
-    };
+    let frame = FrameParams { size: pixels(size), half: half_size, defocus: plan.defocus().into(), _end: 0 };
     let tap = |tap: &crate::plan::gaussian::Tap| Tap {
         whole: tap.whole as i32,
         fraction: tap.fraction,

@@ -1,7 +1,7 @@
 //! Carries out [`plan::hexagonal`](crate::plan::hexagonal).
 
 use super::commands::Bound::{Read, Write};
-use super::commands::{Commands, groups};
+use super::commands::{Commands, groups, pixels};
 use super::resident::Resident;
 use super::shader::{Defocus, Shader, shader, shared};
 use crate::error::Result;
@@ -86,7 +86,7 @@ pub fn render(
     let (width, height) =
         (margin.left + size.width + margin.right, margin.above + size.height + margin.below);
     let params = |lines: &Lines| Params {
-        size: [size.width as u32, size.height as u32],
+        size: pixels(size),
         frame: [width as u32, height as u32],
         origin: [margin.left as u32, margin.above as u32],
         count: lines.count as u32,

@@ -1,7 +1,7 @@
 //! Carries out [`plan::levels`](crate::plan::levels).
 
 use super::commands::Bound::{Read, Write};
-use super::commands::{Commands, groups};
+use super::commands::{Commands, groups, pixels};
 use super::resident::Resident;
 use super::shader::{Defocus, Shader, shader, shared};
 use crate::error::Result;
@@ -56,7 +56,7 @@ pub fn render(
     let plan = Plan::new(settings, optics.largest_radius_px(scene.disparity_range));
     let (size, c, block) = (scene.size, scene.size.channels, plan.scale as u32);
     let (width, height) = (size.width.div_ceil(plan.scale), size.height.div_ceil(plan.scale));
-    let (full, small) = ([size.width as u32, size.height as u32], [width as u32, height as u32]);
+    let (full, small) = (pixels(size), [width as u32, height as u32]);
     let mut target = || commands.scratch::<[f32; 4]>("a target of the chain", width * height);
     // Two in turn, and the one that is kept.
     let (mut before, mut after, half_way) = (target()?, target()?, target()?);

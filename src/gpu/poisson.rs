@@ -1,7 +1,7 @@
 //! Carries out [`plan::poisson`](crate::plan::poisson).
 
 use super::commands::Bound::{Read, Write};
-use super::commands::{Commands, groups};
+use super::commands::{Commands, groups, pixels};
 use super::resident::Resident;
 use super::shader::{Defocus, Shader, shader, shared};
 use crate::error::Result;
@@ -43,7 +43,7 @@ pub fn render(
     let tap = |tap: &crate::plan::poisson::Tap| Tap { place: [tap.x, tap.y], weight: tap.weight, _end: 0 };
     let taps: Vec<Tap> = plan.taps.iter().map(tap).collect();
     let params = Params {
-        size: [size.width as u32, size.height as u32],
+        size: pixels(size),
         count: taps.len() as u32,
         leak_test: plan.leak_test as u32,
         centre: plan.centre,

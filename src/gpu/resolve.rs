@@ -1,7 +1,7 @@
 //! From a super-sampled picture to the pixels of the output; as [`cpu::resolve`](crate::cpu::resolve).
 
 use super::commands::Bound::{Read, Write};
-use super::commands::{Commands, groups};
+use super::commands::{Commands, groups, pixels};
 use super::shader::{Shader, shader, shared};
 use crate::error::Result;
 use crate::picture::Size;
@@ -24,7 +24,7 @@ pub fn box_average(
     n: usize,
 ) -> Result<wgpu::Buffer> {
     let output = Size { width: size.width / n, height: size.height / n, ..size };
-    let params = Params { size: [output.width as u32, output.height as u32], block: n as u32, _end: 0 };
+    let params = Params { size: pixels(output), block: n as u32, _end: 0 };
     let picture = commands.output(output)?;
     let groups = groups(output.width, output.height);
     commands.pass(&RESOLVE, size.channels, &params, &[Read(full), Write(&picture)], groups)?;

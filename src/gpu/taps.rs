@@ -1,7 +1,7 @@
 //! Carries out [`plan::taps`](crate::plan::taps).
 
 use super::commands::Bound::{Read, Write};
-use super::commands::{Commands, groups};
+use super::commands::{Commands, groups, pixels};
 use super::resident::Resident;
 use super::shader::{Defocus, Shader, shader, shared};
 use crate::error::Result;
@@ -50,7 +50,7 @@ pub fn render(
     let size = scene.size;
     let taps: Vec<Tap> = plan.taps.iter().map(Tap::from).collect();
     let params = Params {
-        size: [size.width as u32, size.height as u32],
+        size: pixels(size),
         count: taps.len() as u32,
         mix: plan.mix as u32,
         share: plan.share,

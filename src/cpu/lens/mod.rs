@@ -13,6 +13,7 @@ pub(crate) mod footprint;
 pub(crate) mod highlights;
 pub(crate) mod kernels;
 mod lanes;
+pub(crate) mod line;
 pub(crate) mod pack;
 pub(crate) mod plan;
 mod sheets;

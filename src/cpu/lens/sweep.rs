@@ -6,8 +6,8 @@
 
 use super::barrel::{Clip, Seen};
 use super::blocks::{BLOCK, DepthBits, any_bin};
-use super::cells::Codes;
 use super::lanes::{HalfPlaneRow, LANES, Lanes, Portable, Ray};
+use super::line::Line;
 use super::pack::{Packed, TILE};
 use crate::cpu::simd::Simd;
 use crate::views::View;
@@ -119,46 +119,19 @@ impl Segments {
     /// The segments of a ray from `ray_start` and through lens point `lens`, between two depths.
     fn trace_run(&mut self, start: &Start, lens: [f64; 2], ray_start: [f64; 2], near: usize, far: usize) {
         let Start { packed, s_focus, .. } = *start;
-        let codes: &Codes = &packed.codes;
-        // The ray's place as a function of the code: start + lens t, with t linear in the code.
-        let t_at_0 = codes.decode(0.0) - s_focus;
-        let slope = lens.map(|l| l * codes.step());
-        let base = [0, 1].map(|i| ray_start[i] + lens[i] * t_at_0);
-
-        let mut cell = [0, 1].map(|i| (base[i] + slope[i] * near as f64).round());
-        let mut to = near;
-        while to > far {
-            // The code at which the ray, going farther, leaves this column or row of cells.
-            let leave = |i: usize| {
-                if slope[i] == 0.0 {
-                    f64::NEG_INFINITY
-                } else {
-                    (cell[i] - 0.5 * slope[i].signum() - base[i]) / slope[i]
+        let line = Line::new(&packed.codes, s_focus, lens, ray_start);
+        line.follow(near, far, |cell, from, to| {
+            let offset = cell[1] as i32 * packed.padding.stride as i32 + cell[0] as i32;
+            let [bx, by] = line.base_from(cell);
+            let ray = Ray { ax: line.slope[0] as f32, bx, ay: line.slope[1] as f32, by };
+            for (sheet, bits) in start.depths_at(cell).iter().enumerate() {
+                if any_bin(bits, from >> 8, (to - 1) >> 8) {
+                    let (from, to, sheet) = (from as u16, to as u16, sheet as u32);
+                    self.segments.push(Segment { offset, from, to, sheet });
+                    self.rays.push(ray);
                 }
-            };
-            let (leave_x, leave_y) = (leave(0), leave(1));
-            let leaves = leave_x.max(leave_y);
-            let from = if leaves <= far as f64 { far } else { (leaves.round() as usize).clamp(far, to) };
-            if from < to {
-                let offset = cell[1] as i32 * packed.padding.stride as i32 + cell[0] as i32;
-                let ray = Ray {
-                    ax: slope[0] as f32,
-                    bx: (base[0] - cell[0]) as f32,
-                    ay: slope[1] as f32,
-                    by: (base[1] - cell[1]) as f32,
-                };
-                for (sheet, bits) in start.depths_at(cell).iter().enumerate() {
-                    if any_bin(bits, from >> 8, (to - 1) >> 8) {
-                        let (from, to, sheet) = (from as u16, to as u16, sheet as u32);
-                        self.segments.push(Segment { offset, from, to, sheet });
-                        self.rays.push(ray);
-                    }
-                }
-                to = from;
             }
-            let step = if leave_x >= leave_y { 0 } else { 1 };
-            cell[step] -= slope[step].signum();
-        }
+        });
     }
 }
 

@@ -13,7 +13,7 @@ pub(super) mod sweep;
 pub use cells::Cells;
 
 use super::commands::Bound::{Read, Write};
-use super::commands::Commands;
+use super::commands::{Commands, pixels};
 use super::resident::Resident;
 use super::shader::{Shader, shader, shared};
 use crate::cancel::Cancel;
@@ -26,7 +26,6 @@ use crate::cpu::lens::{Settings, Sheets};
 use crate::cpu::simd::Simd;
 use crate::error::Result;
 use crate::optics::Optics;
-use crate::picture::Size;
 use kernels::Kernels;
 
 pub const COPY: Shader = shader!("lens/copy", ["border", "picture"], [CopyParams]);
@@ -49,11 +48,6 @@ const GROUP_ROWS: usize = 4;
 /// Workgroups that cover some tiles.
 fn per_pixel(tiles: usize) -> [u32; 3] {
     [tiles as u32, TILE.1.div_ceil(GROUP_ROWS) as u32, 1]
-}
-
-/// The size of a frame as shaders have it.
-fn pixels(size: Size) -> [u32; 2] {
-    [size.width as u32, size.height as u32]
 }
 
 /// What is rendered.

@@ -3,6 +3,7 @@
 use super::{Frame, MAX_LOOPS, origin, pixels};
 use crate::cpu::lens::blocks::{BLOCK, DepthBits};
 use crate::cpu::lens::cells::Codes;
+use crate::cpu::lens::line::Line;
 use crate::cpu::lens::pack::TILE;
 use crate::cpu::lens::plan::Plan;
 use crate::cpu::lens::tiles::Work;
@@ -70,39 +71,17 @@ fn depth_words(bits: &DepthBits) -> [u32; 8] {
 /// The stretches of a ray through all depths, near to far: while its shift stays within one pixel, it meets cells at one
 /// and the same offset from the pixel that it starts from.
 fn trace(codes: &Codes, s_focus: f64, view: &views::View) -> ([f32; 2], Vec<Stretch>) {
-    // The ray's place as a function of the code: start + lens t, with t linear in the code.
-    let t_at_0 = codes.decode(0.0) - s_focus;
-    let slope = view.in_front.map(|l| l * codes.step());
-    let base = [0, 1].map(|i| view.start[i] + view.in_front[i] * t_at_0);
-    let (near, far) = (usize::from(u16::MAX), 1);
-    let mut cell = [0, 1].map(|i| (base[i] + slope[i] * near as f64).round());
+    let line = Line::new(codes, s_focus, view.in_front, view.start);
     let mut stretches = Vec::new();
-    let mut to = near;
-    while to > far {
-        // The code at which the ray, going farther, leaves this column or row of cells.
-        let leave = |i: usize| {
-            if slope[i] == 0.0 {
-                f64::NEG_INFINITY
-            } else {
-                (cell[i] - 0.5 * slope[i].signum() - base[i]) / slope[i]
-            }
-        };
-        let (leave_x, leave_y) = (leave(0), leave(1));
-        let leaves = leave_x.max(leave_y);
-        let from = if leaves <= far as f64 { far } else { (leaves.round() as usize).clamp(far, to) };
-        if from < to {
-            let offset = cell.map(|v| (v as i16).cast_unsigned());
-            stretches.push(Stretch {
-                cell: u32::from(offset[0]) | u32::from(offset[1]) << 16,
-                codes: from as u32 | (to as u32) << 16,
-                base: [0, 1].map(|i| (base[i] - cell[i]) as f32),
-            });
-            to = from;
-        }
-        let step = if leave_x >= leave_y { 0 } else { 1 };
-        cell[step] -= slope[step].signum();
-    }
-    (slope.map(|v| v as f32), stretches)
+    line.follow(usize::from(u16::MAX), 1, |cell, from, to| {
+        let offset = cell.map(|v| (v as i16).cast_unsigned());
+        stretches.push(Stretch {
+            cell: u32::from(offset[0]) | u32::from(offset[1]) << 16,
+            codes: from as u32 | (to as u32) << 16,
+            base: line.base_from(cell),
+        });
+    });
+    (line.slope.map(|v| v as f32), stretches)
 }
 
 /// The ways of all views.
