@@ -1,5 +1,6 @@
 //! What a render starts from: validated colour and disparity, planar, in `f32`.
 
+use crate::memory::Buffer;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -25,9 +26,9 @@ impl Size {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Layer {
     /// Linear colour, one plane a channel; premultiplied if the last channel is coverage.
-    pub color: Arc<Vec<f32>>,
+    pub color: Arc<Buffer<f32>>,
     /// Disparity of every pixel.
-    pub disparity: Vec<f32>,
+    pub disparity: Buffer<f32>,
 }
 
 impl Layer {

@@ -27,7 +27,7 @@ impl Resident {
         let color = match picture.layers.as_slice() {
             [one] => gpu.upload("the picture", &one.color),
             layers => {
-                let all: Vec<&[f32]> = layers.iter().map(|layer| layer.color.as_slice()).collect();
+                let all: Vec<&[f32]> = layers.iter().map(|layer| &layer.color[..]).collect();
                 gpu.upload("the picture", &all.concat())
             }
         }?;
