@@ -36,13 +36,20 @@ CASES = {
     ],
     "levels": [{}, {"c0_px": 1.0}, {"c0_px": 3.0}, {"c0_px": 11.0}],
     "taps": [{"variant": name} for name in ("thirteen", "seven", "six", "four", "four_rings")],
+    "sprites": [
+        {},
+        {"coc_threshold_px": 2.5, "max_coc_px": 4.0},
+        {"aperture": OPENINGS[0]},
+        {"aperture": dofsim.Aperture(spherical=0.7)},
+        {"sprite": np.arange(12.0).reshape(3, 4)},
+    ],
 }
 # Options in metres.
 METRIC_CASES = {
     "gaussian": [{"focal_range": 2.0}],
     "taps": [{"hyperfocal_factor": 0.3}, {"hyperfocal_factor": 0.0}],
 }
-ON_CPU_ONLY = ["sprites"]
+ON_CPU_ONLY = []
 
 HEIGHT, WIDTH = 70, 151
 
@@ -262,6 +269,7 @@ def test_passes_are_timed(gpu, method):
         "gaussian": "gaussian/blur_x",
         "levels": "levels/filter",
         "hexagonal": "hexagonal/shade",
+        "sprites": "sprites/draw",
     }
     assert passes[several.get(method, method)] > 0.0
     assert all(milliseconds >= 0.0 for milliseconds in passes.values())

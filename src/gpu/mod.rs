@@ -6,6 +6,7 @@
 pub mod adapters;
 mod commands;
 mod device;
+mod draw;
 mod gaussian;
 mod hexagonal;
 mod lens;
@@ -15,6 +16,7 @@ mod process;
 mod resident;
 mod resolve;
 mod shader;
+mod sprites;
 mod taps;
 #[cfg(test)]
 mod tests;
@@ -33,7 +35,7 @@ use device::Gpu;
 use std::sync::Arc;
 
 /// The methods that have a GPU path.
-pub const METHODS: [&str; 6] = ["lens", "poisson", "gaussian", "hexagonal", "levels", "taps"];
+pub const METHODS: [&str; 7] = ["lens", "poisson", "gaussian", "hexagonal", "levels", "taps", "sprites"];
 
 /// What is rendered.
 pub struct Source<'a, S> {
@@ -108,6 +110,9 @@ fn start<S: Fn(&Optics) -> Result<Arc<Sheets>>>(
             (Method::Levels(settings), _) => levels::render(&mut commands, &picture, optics, settings),
             (Method::Gaussian(settings), _) => gaussian::render(&mut commands, &picture, optics, settings),
             (Method::Taps(settings), _) => taps::render(&mut commands, &picture, optics, settings),
+            (Method::Sprites(settings), _) => {
+                sprites::render(&mut commands, source.residence, &picture, optics, settings)
+            }
             (other, _) => Err(no_path(other.name())),
         }?;
         let output = match source.supersample {

@@ -3,9 +3,12 @@
 use super::device::Gpu;
 use super::lens::Cells;
 use super::process::OfProcess;
+use super::sprites::Table;
 use crate::cpu::lens::Sheets;
 use crate::error::Result;
 use crate::picture::{Picture, Size};
+use crate::plan::sprites::Settings;
+use std::ops::RangeInclusive;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// A picture on a device.
@@ -75,11 +78,18 @@ impl<T> Slot<T> {
     }
 }
 
-/// Where a scene's picture and sheets are kept, once they have been asked for.
+/// Sprites on a device.
+struct SpritesOnDevice {
+    gpu: Arc<Gpu>,
+    table: Arc<Table>,
+}
+
+/// Where a scene's picture, its sheets and the sprites for it are kept, once they have been asked for.
 #[derive(Default)]
 pub struct Residence {
     picture: Slot<Resident>,
     sheets: Slot<OnDevice>,
+    sprites: Slot<SpritesOnDevice>,
 }
 
 impl Residence {
@@ -97,5 +107,20 @@ impl Residence {
             Ok(OnDevice { gpu: Arc::clone(gpu), sheets: Arc::clone(sheets), cells })
         };
         Ok(Arc::clone(&self.sheets.get(fits, make)?.cells))
+    }
+
+    /// The sprites of these steps on this device, and perhaps of more.
+    pub fn sprites(
+        &self,
+        gpu: &Arc<Gpu>,
+        settings: &Settings,
+        steps: &RangeInclusive<i32>,
+    ) -> Result<Arc<Table>> {
+        let fits = |own: &SpritesOnDevice| Arc::ptr_eq(&own.gpu, gpu) && own.table.holds(settings, steps);
+        let make = || {
+            let table = Arc::new(Table::new(gpu, settings, steps.clone())?);
+            Ok(SpritesOnDevice { gpu: Arc::clone(gpu), table })
+        };
+        Ok(Arc::clone(&self.sprites.get(fits, make)?.table))
     }
 }

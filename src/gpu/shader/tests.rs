@@ -1,11 +1,11 @@
 use super::Shader;
-use crate::gpu::{gaussian, hexagonal, lens, levels, poisson, resolve, taps};
+use crate::gpu::{gaussian, hexagonal, lens, levels, poisson, resolve, sprites, taps};
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
-use naga::{Module, ShaderStage, TypeInner, front::wgsl};
+use naga::{Module, TypeInner, front::wgsl};
 use std::path::Path;
 
 /// Every shader there is.
-const SHADERS: [Shader; 20] = [
+const SHADERS: [Shader; 29] = [
     gaussian::HALVE,
     gaussian::BLUR_X,
     gaussian::BLUR_Y,
@@ -25,6 +25,15 @@ const SHADERS: [Shader; 20] = [
     levels::INTERPOLATE,
     poisson::POISSON,
     resolve::RESOLVE,
+    sprites::COUNT,
+    sprites::OFFSETS,
+    sprites::APPEND,
+    sprites::PLACE,
+    sprites::WEIGH,
+    sprites::GATHER,
+    sprites::BEHIND,
+    sprites::REST,
+    sprites::IN_FRONT,
     taps::TAPS,
 ];
 
@@ -60,7 +69,8 @@ fn every_shader_is_tested_here_and_has_one_entry_point() {
     let mut found = Vec::new();
     files(&Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders"), &mut found);
     for (name, text) in found {
-        let entries = text.matches("@compute").count();
+        let entries =
+            ["@compute", "@vertex", "@fragment"].map(|stage| text.matches(stage).count()).iter().sum();
         let tested = SHADERS.iter().filter(|shader| shader.name == name).count();
         assert!(entries <= 1 && entries == tested, "{name}: {entries} entry points, tested {tested} times");
     }
@@ -98,7 +108,6 @@ fn shaders_are_portable() {
     for shader in &SHADERS {
         let (module, info) = validated(shader);
         let entry = &module.entry_points[0];
-        assert_eq!(entry.stage, ShaderStage::Compute);
         let threads: u32 = entry.workgroup_size.iter().product();
         assert!(threads <= 256, "{}: {threads} threads in a workgroup", shader.name);
         let storage = module
