@@ -175,6 +175,29 @@ impl<'a> Commands<'a> {
         self.encoder.copy_buffer_to_buffer(from, 0, to, 0, from.size());
     }
 
+    /// Copies so many bytes, from one place to another.
+    pub fn copy_part(
+        &mut self,
+        from: &wgpu::Buffer,
+        from_byte: usize,
+        to: &wgpu::Buffer,
+        to_byte: usize,
+        bytes: usize,
+    ) {
+        let [from_byte, to_byte, bytes] = [from_byte, to_byte, bytes].map(|v| v as u64);
+        self.encoder.copy_buffer_to_buffer(from, from_byte, to, to_byte, bytes);
+    }
+
+    /// How many buffers have been handed out.
+    pub fn mark(&self) -> usize {
+        self.taken.len()
+    }
+
+    /// Lets further passes use the buffers that were handed out since a mark: passes run one after another.
+    pub fn recycle(&mut self, mark: usize) {
+        lock(&self.gpu.spare).extend(self.taken.drain(mark..));
+    }
+
     /// Runs the passes, after which `output` comes back.
     pub fn submit(mut self, output: &wgpu::Buffer) -> Result<Pending> {
         let gpu = self.gpu;

@@ -138,6 +138,21 @@ impl Gpu {
         }
     }
 
+    /// The largest buffer that a pass can have.
+    pub(super) fn most_bytes(&self) -> u64 {
+        self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size)
+    }
+
+    /// The refusal of a buffer that is larger.
+    pub(super) fn too_large(&self, what: &str, bytes: u64) -> Error {
+        self.error(format!(
+            "{what} would need {} MiB in one piece, and the device allows {} MiB; use a smaller picture, or \
+             device=\"cpu\"",
+            mebibytes(bytes),
+            mebibytes(self.most_bytes())
+        ))
+    }
+
     /// A buffer of `bytes` bytes for what is called `what`.
     pub(super) fn buffer(
         &self,
@@ -178,18 +193,9 @@ impl Gpu {
     ) -> Result<wgpu::Buffer> {
         // Bindings are never empty, and mapped buffers end with a whole word.
         let size = (bytes as u64).max(4).next_multiple_of(4);
-        let most = if usage.contains(wgpu::BufferUsages::STORAGE) {
-            self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size)
-        } else {
-            self.limits.max_buffer_size
-        };
-        if size > most {
-            return Err(self.error(format!(
-                "{what} would need {} MiB in one piece, and the device allows {} MiB; use a smaller picture, or \
-                 device=\"cpu\"",
-                mebibytes(size),
-                mebibytes(most)
-            )));
+        let is_bound = usage.contains(wgpu::BufferUsages::STORAGE);
+        if size > if is_bound { self.most_bytes() } else { self.limits.max_buffer_size } {
+            return Err(self.too_large(what, size));
         }
         let descriptor = wgpu::BufferDescriptor { label: Some(what), size, usage, mapped_at_creation };
         Ok(self.device.create_buffer(&descriptor))

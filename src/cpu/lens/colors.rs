@@ -56,6 +56,17 @@ impl Colors {
         Colors { size: Size { channels: channels.len(), ..self.size }, planes, own: own.collect() }
     }
 
+    /// The rows of these pixels alone, of a frame of this size.
+    pub fn rows(&self, pixels: Range<usize>, size: Size) -> Colors {
+        let planes = self.planes.as_ref().map(|planes| {
+            let of_plane = planes.chunks(self.size.pixels()).map(|plane| &plane[pixels.clone()]);
+            Arc::new(of_plane.collect::<Vec<_>>().concat())
+        });
+        let own = self.own(pixels.clone()).iter();
+        let own = own.map(|cell| Own { index: cell.index - pixels.start, ..*cell }).collect();
+        Colors { size, planes, own }
+    }
+
     /// Whether only listed cells have a colour.
     pub fn is_list(&self) -> bool {
         self.planes.is_none()

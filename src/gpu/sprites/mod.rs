@@ -9,6 +9,7 @@ mod table;
 
 pub use table::Table;
 
+use super::bands::Need;
 use super::commands::Bound::{Read, Write};
 use super::commands::{Commands, groups, pixels};
 use super::draw::{Draw, Targets};
@@ -110,6 +111,14 @@ struct Light {
 enum Depth {
     InFront = 0,
     Behind = 1,
+}
+
+/// What it needs of a device: sprites are padded to whole pixels of the targets, and what lies behind the layer in front
+/// is looked for as far again.
+pub fn need(settings: &Settings, largest_px: f64) -> Need {
+    let reach_px = largest_px.min(settings.max_coc_px()).ceil() as usize + 6;
+    let bytes_per_px = size_of::<[f32; 4]>();
+    Need { bytes_per_px, around_px: reach_px, block_px: 2, ..Need::reaching(2 * reach_px) }
 }
 
 /// The picture.
