@@ -37,6 +37,18 @@ impl<T: Pod + Send + Sync> Buffer<T> {
         buffer
     }
 
+    /// Pieces one after another.
+    pub fn concat(pieces: &[&[T]]) -> Buffer<T> {
+        let mut buffer = Buffer::unset(pieces.iter().map(|piece| piece.len()).sum());
+        let mut rest = &mut *buffer;
+        for piece in pieces {
+            let (own, behind) = rest.split_at_mut(piece.len());
+            own.copy_from_slice(piece);
+            rest = behind;
+        }
+        buffer
+    }
+
     /// One value for each of `from`.
     pub fn of_each<A: Sync>(from: &[A], value: impl Fn(&A) -> T + Send + Sync) -> Buffer<T> {
         let mut buffer = Buffer::unset(from.len());
@@ -62,7 +74,13 @@ impl<T: Pod> DerefMut for Buffer<T> {
 
 impl<T: Pod + Send + Sync> Clone for Buffer<T> {
     fn clone(&self) -> Buffer<T> {
-        Buffer::of_each(self, |v| *v)
+        Buffer::from(&**self)
+    }
+}
+
+impl<T: Pod + Send + Sync> From<&[T]> for Buffer<T> {
+    fn from(values: &[T]) -> Buffer<T> {
+        Buffer::of_each(values, |v| *v)
     }
 }
 
@@ -230,6 +248,7 @@ mod tests {
         assert_eq!(odd.clone(), odd);
         assert_eq!(odd.len(), 5);
         assert_eq!(*Buffer::of_each(&[1.5f32, 2.0], |v| 2.0 * v), [3.0, 4.0]);
+        assert_eq!(*Buffer::concat(&[&[1u8, 2], &[], &[3]]), [1, 2, 3]);
         assert!(Buffer::<f32>::unset(0).is_empty());
     }
 }

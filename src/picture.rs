@@ -72,8 +72,8 @@ impl Picture {
     pub fn of_channels(&self, channels: &[usize]) -> Picture {
         let n = self.size.pixels();
         let layers = self.layers.iter().map(|layer| {
-            let color = channels.iter().flat_map(|&c| &layer.color[c * n..][..n]).copied();
-            Layer { color: Arc::new(color.collect()), disparity: layer.disparity.clone() }
+            let kept: Vec<_> = channels.iter().map(|&c| &layer.color[c * n..][..n]).collect();
+            Layer { color: Arc::new(Buffer::concat(&kept)), disparity: layer.disparity.clone() }
         });
         Picture { size: Size { channels: channels.len(), ..self.size }, layers: layers.collect() }
     }

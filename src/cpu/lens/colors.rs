@@ -47,13 +47,25 @@ impl Colors {
     pub fn of_channels(&self, channels: &[usize]) -> Colors {
         let n = self.size.pixels();
         let planes = self.planes.as_ref().map(|planes| {
-            Arc::new(channels.iter().flat_map(|&c| &planes[c * n..][..n]).copied().collect::<Buffer<_>>())
+            let kept: Vec<_> = channels.iter().map(|&c| &planes[c * n..][..n]).collect();
+            Arc::new(Buffer::concat(&kept))
         });
         let own = self.own.iter().map(|cell| Own {
             index: cell.index,
             color: std::array::from_fn(|i| channels.get(i).map_or(0.0, |&c| cell.color[c])),
         });
         Colors { size: Size { channels: channels.len(), ..self.size }, planes, own: own.collect() }
+    }
+
+    /// The rows of these pixels alone, of a frame of this size.
+    pub fn rows(&self, pixels: Range<usize>, size: Size) -> Colors {
+        let planes = self.planes.as_ref().map(|planes| {
+            let of_plane = planes.chunks(self.size.pixels()).map(|plane| &plane[pixels.clone()]);
+            Arc::new(Buffer::concat(&of_plane.collect::<Vec<_>>()))
+        });
+        let own = self.own(pixels.clone()).iter();
+        let own = own.map(|cell| Own { index: cell.index - pixels.start, ..*cell }).collect();
+        Colors { size, planes, own }
     }
 
     /// Whether only listed cells have a colour.

@@ -15,6 +15,7 @@ use crate::error::Result;
 use crate::memory::Buffer;
 use crate::picture::{Layer, Picture, Size};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// One cell a pixel at most. Sheets of single channels share all but the colours.
@@ -75,6 +76,41 @@ impl Sheets {
             codes: self.codes,
             depths: Arc::clone(&self.depths),
             blocks: Arc::clone(&self.blocks),
+        }
+    }
+}
+
+impl Sheets {
+    /// The same cells in some rows, which begin with a block and end with one or with the frame. All that was found of the
+    /// whole frame stays as it is.
+    pub fn rows(&self, rows: Range<usize>) -> Sheets {
+        let width = self.size.width;
+        let pixels = rows.start * width..rows.end * width;
+        let size = Size { height: rows.len(), ..self.size };
+        let of = |sheet: &Sheet| {
+            let partial = sheet.partial.iter().filter(|(index, _)| pixels.contains(index));
+            let partial = partial.map(|(index, plane)| (index - pixels.start, *plane)).collect();
+            let links =
+                if sheet.links.is_empty() { Vec::new() } else { sheet.links[pixels.clone()].to_vec() };
+            Sheet {
+                s: Arc::new(Buffer::from(&sheet.s[pixels.clone()])),
+                colors: sheet.colors.rows(pixels.clone(), size),
+                partial: Arc::new(partial),
+                links: Arc::new(links),
+            }
+        };
+        let depths = self.depths.iter().map(|depths| Depths {
+            lo: Buffer::from(&depths.lo[pixels.clone()]),
+            hi: Buffer::from(&depths.hi[pixels.clone()]),
+        });
+        Sheets {
+            size,
+            sheets: self.sheets.iter().map(of).collect(),
+            opaque: self.opaque,
+            shifts: self.shifts,
+            codes: self.codes,
+            depths: Arc::new(depths.collect()),
+            blocks: Arc::new(self.blocks.rows(rows)),
         }
     }
 }
