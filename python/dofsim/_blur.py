@@ -39,14 +39,13 @@ class Blur:
         width, height = size
         if width < 1 or height < 1:
             raise ValueError(f"size must be a width and a height in pixels greater than 0; got {size}")
-        # A tilt and a curved field leave the axis as it is, but pixels beside it would see them.
-        lens = lens.replace(tilt=(0.0, 0.0), field_curvature=0.0)
 
         def radius_px(distance: float) -> float:
             return float(coc(np.broadcast_to(distance, (height, width)), lens)[height // 2, width // 2])
 
         focus = 1.0 / focus_distance
         near = 2.0 * focus if focus > 0.0 else 1.0
+        # What a tilt adds beside the axis is the same at both distances.
         return cls(focus, (radius_px(np.inf) - radius_px(1.0 / near)) / near)
 
     def radius_px(self, distance: ArrayLike) -> NDArray[np.float64]:
