@@ -7,11 +7,13 @@ from importlib.util import find_spec
 
 import dofsim
 import pytest
-from dofsim import batch, io, metrics, presets
+from dofsim import batch, io, metrics, plot, presets
 
-MODULES = [dofsim, batch, io, metrics, presets]
+MODULES = [dofsim, batch, io, metrics, plot, presets]
 if find_spec("torchvision"):
     MODULES.append(import_module("dofsim.torch"))
+if find_spec("mitsuba"):
+    MODULES.append(import_module("dofsim.mitsuba"))
 
 
 def documented():
