@@ -14,6 +14,8 @@ if find_spec("torchvision"):
     MODULES.append(import_module("dofsim.torch"))
 if find_spec("mitsuba"):
     MODULES.append(import_module("dofsim.mitsuba"))
+if find_spec("anywidget"):
+    MODULES.append(import_module("dofsim.picker"))
 
 
 def documented():

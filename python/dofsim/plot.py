@@ -148,7 +148,7 @@ def depth_of_field(
     >>> import dofsim, dofsim.plot
     >>> lens = dofsim.Lens.from_camera(focal_length_mm=50, f_number=1.8, focus_distance=3.0)
     >>> dofsim.plot.depth_of_field(lens).axes[0].get_title(loc="left")
-    'sharp 2.9 m to 3.11 m, hyperfocal 75.1 m'
+    'sharp 2.89 m to 3.12 m, hyperfocal 75.3 m'
     """
     if not sharp_radius_px > 0.0 or not math.isfinite(sharp_radius_px):
         raise ValueError(f"sharp_radius_px must be positive and finite; got {sharp_radius_px}")
