@@ -199,12 +199,20 @@ fn in_order<T: Sample, R>(view: &ArrayViewD<'_, T>, read: impl FnOnce(&[T]) -> R
     }
 }
 
-/// Takes one layer of interleaved colour apart into planes; also whether all of it is finite.
-fn color_planes<T: Sample>(samples: &[T], size: Size, transfer: Transfer, simd: Simd) -> (Buffer<f32>, bool) {
+/// The magnitude of a value as a number that is in order with others' and beyond [`INFINITE`] for what is none.
+fn magnitude(v: f32) -> u32 {
+    v.abs().to_bits()
+}
+
+/// The magnitude of infinity.
+const INFINITE: u32 = f32::INFINITY.to_bits();
+
+/// Takes one layer of interleaved colour apart into planes; also the largest magnitude in it.
+fn color_planes<T: Sample>(samples: &[T], size: Size, transfer: Transfer, simd: Simd) -> (Buffer<f32>, u32) {
     let mut planes = Buffer::unset(size.pixels() * size.channels);
     let mut rows = bands(planes.chunks_mut(size.pixels()), size.width);
     let samples = samples.par_chunks(size.width * size.channels);
-    let finite = rows.par_iter_mut().zip(samples).map(|(rows, samples)| {
+    let largest = rows.par_iter_mut().zip(samples).map(|(rows, samples)| {
         simd.run(
             #[inline(always)]
             || with_channels!(size.channels, C => separate::<T, C>(samples, rows)),
@@ -214,16 +222,16 @@ fn color_planes<T: Sample>(samples: &[T], size: Size, transfer: Transfer, simd: 
                 row.iter_mut().for_each(|v| *v = transfer.decode(*v));
             }
         }
-        rows.iter().all(|row| {
+        let largest = rows.iter().map(|row| {
             simd.run(
                 #[inline(always)]
-                || row.iter().fold(true, |all, v| all & v.is_finite()),
+                || row.iter().fold(0, |largest, v| magnitude(*v).max(largest)),
             )
-        })
+        });
+        largest.fold(0, u32::max)
     });
-    // Every row is to be read, whatever the others hold.
-    let finite = finite.reduce(|| true, |a, b| a & b);
-    (planes, finite)
+    let largest = largest.reduce(|| 0, u32::max);
+    (planes, largest)
 }
 
 /// Takes one row of interleaved samples apart.
@@ -234,6 +242,14 @@ fn separate<T: Sample, const C: usize>(samples: &[T], rows: &mut [&mut [f32]]) {
             *out = pixel[c].to_code();
         }
     }
+}
+
+/// The power of two that brings a colour of extreme brightness down to where the sums of many squares are numbers. What
+/// it divides keeps all its bits.
+fn brighter_than_usual(largest: f32) -> f32 {
+    const USUAL_EXPONENT: i32 = 32;
+    let exponent = (magnitude(largest) >> 23) as i32 - 127;
+    2.0f32.powi((exponent - USUAL_EXPONENT).max(0))
 }
 
 /// Multiplies or divides the colour planes by the last one, coverage.
@@ -290,14 +306,14 @@ fn read_layer_color(
     shape: &ColorShape,
     layer: usize,
     format: &ColorFormat,
-) -> PyResult<Buffer<f32>> {
+) -> PyResult<(Buffer<f32>, f32)> {
     let size = shape.size;
     let simd = simd()?;
-    let (mut planes, finite) = with_sample_type!(format.sample_type, T => view::<T, _>(array, |view| {
+    let (mut planes, largest) = with_sample_type!(format.sample_type, T => view::<T, _>(array, |view| {
         let view = if shape.layered { view.index_axis_move(Axis(0), layer) } else { view };
         in_order(&view, |samples| installed(|| color_planes(samples, size, format.transfer, simd)))
     }))??;
-    if !finite {
+    if largest >= INFINITE {
         refuse_infinite(&planes, size)?;
     }
     if format.alpha != Alpha::None {
@@ -314,7 +330,7 @@ fn read_layer_color(
     if format.alpha == Alpha::Straight {
         installed(|| scale_by_alpha(&mut planes, size, |v, a| v * a))?;
     }
-    Ok(planes)
+    Ok((planes, f32::from_bits(largest)))
 }
 
 fn positive(name: &str, value: Option<f64>, kind: &str) -> PyResult<f64> {
@@ -459,6 +475,8 @@ pub fn read_seen_depth(depth: &Bound<'_, PyAny>, words: &DepthWords, lens: &Lens
 pub struct Input {
     pub size: Size,
     pub format: ColorFormat,
+    /// By what the colours that came in are brighter than those that are rendered, a power of two.
+    pub brighter: f32,
     /// Colour planes of each layer.
     color: Vec<Arc<Buffer<f32>>>,
     /// Raw depth of each layer.
@@ -484,10 +502,19 @@ impl Input {
                 (planes.planes.len(), planes.height, planes.width)
             )));
         }
-        let color = (0..shape.layers)
-            .map(|layer| read_layer_color(array, &shape, layer, &format).map(Arc::new))
-            .collect::<PyResult<_>>()?;
-        Ok(Input { size: shape.size, format, color, depth: planes.planes })
+        let (mut color, largest): (Vec<_>, Vec<_>) = (0..shape.layers)
+            .map(|layer| read_layer_color(array, &shape, layer, &format))
+            .collect::<PyResult<Vec<_>>>()?
+            .into_iter()
+            .unzip();
+        let brighter = brighter_than_usual(largest.into_iter().fold(0.0, f32::max));
+        if brighter > 1.0 {
+            let lights = format.lights(shape.size) * shape.size.pixels();
+            let planes = color.iter_mut().map(|planes| &mut planes[..lights]);
+            planes.for_each(|planes| planes.iter_mut().for_each(|v| *v /= brighter));
+        }
+        let color = color.into_iter().map(Arc::new).collect();
+        Ok(Input { size: shape.size, format, brighter, color, depth: planes.planes })
     }
 
     /// The number of layers.

@@ -24,6 +24,8 @@ pub struct Output<'a> {
     pub format: &'a ColorFormat,
     /// The size that is rendered.
     pub rendered: Size,
+    /// What rendered colours are to be multiplied by.
+    pub brighter: f32,
     /// Pixels on every side that are left out.
     pub margin: usize,
     /// How many pictures, along an axis of their own, if they have one.
@@ -115,15 +117,16 @@ impl Output<'_> {
     /// From linear and premultiplied to what the caller has.
     fn encode(&self, pixels: &mut [f32]) {
         let ColorFormat { alpha, transfer, .. } = *self.format;
-        if alpha != Alpha::Straight && transfer == Transfer::Linear {
+        if alpha != Alpha::Straight && transfer == Transfer::Linear && self.brighter == 1.0 {
             return;
         }
-        let channels = self.rendered.channels;
+        let (channels, lights) = (self.rendered.channels, self.format.lights(self.rendered));
         pixels.par_chunks_mut(channels).for_each(|pixel| {
             if alpha == Alpha::Straight && pixel[channels - 1] > 0.0 {
                 let (color, alpha) = pixel.split_at_mut(channels - 1);
                 color.iter_mut().for_each(|v| *v /= alpha[0]);
             }
+            pixel[..lights].iter_mut().for_each(|v| *v *= self.brighter);
             if transfer != Transfer::Linear {
                 pixel[..channels.min(3)].iter_mut().for_each(|v| *v = transfer.encode(*v));
             }

@@ -378,7 +378,13 @@ impl PyScene {
         let scene = self.scene(&lenses[0])?;
         let (simd, device) = (simd()?, self.device);
         let rendered = self.frame.resolved(size);
-        let output = Output { format: self.format(), rendered, margin: self.frame.overscan, stacked };
+        let output = Output {
+            format: self.format(),
+            rendered,
+            brighter: self.input.brighter,
+            margin: self.frame.overscan,
+            stacked,
+        };
         output.fill(py, out, threads, |outs, cancel| {
             scene.render_each(&imagings, method, device, simd, cancel, outs)
         })

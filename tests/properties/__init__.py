@@ -1,0 +1,1 @@
+"""Laws over inputs that nobody chose."""
