@@ -20,14 +20,15 @@ LIBPYTHON = $(shell $(WORK)/bin/python -c 'import sysconfig as s, pathlib as p; 
 	found = (d / (v("LDLIBRARY") or "-")).is_file() or v("PYTHONFRAMEWORK"); print(d if found else "")')
 CARGO = PYO3_PYTHON="$(CURDIR)/$(WORK)/bin/python" cargo
 
-.PHONY: help demo gallery lenses test bench clean
+.PHONY: help demo gallery lenses test properties bench clean
 
 help:
 	@echo 'make demo     install into $(DEMO) and render the picture that comes with dofsim into dofsim-demo/'
 	@echo 'make gallery  draw that picture with every method into build/gallery/'
 	@echo 'make lenses   draw that picture through twelve lenses into build/lenses/'
 	@echo 'make test     check everything, in $(WORK); with EXTRAS=torch also against PyTorch'
-	@echo 'make bench    speed and memory at 1920 x 1080'
+	@echo 'make properties  try the laws with many more inputs: CASES=2000 each'
+	@echo 'make bench    speed and memory, as tables and in build/bench.json'
 	@echo 'make clean    remove what these made, but not the ray traced scenes in build/'
 
 demo: $(DEMO)/.installed
@@ -76,10 +77,16 @@ endif
 
 NO_LIBPYTHON = @echo 'SKIPPED: cargo test: this Python has no library to link with (Debian: python3-dev)'
 
+# How many cases each law is tried with.
+CASES ?= 2000
+
+properties: $(WORK)/.installed
+	DOFSIM_CASES=$(CASES) $(WORK)/bin/python -m pytest -q tests/properties
+
 bench: $(DEMO)/.installed
 	$(DEMO)/bin/python $(PIP) install --quiet --group bench
-	$(DEMO)/bin/python tests/bench/peers.py
-	$(DEMO)/bin/python tests/bench/methods.py
+	$(DEMO)/bin/python $(PIP) install --quiet --group reference
+	$(DEMO)/bin/python tests/bench/suite.py
 
 clean:
 	rm -rf $(DEMO) $(WORK) target dist dofsim-demo .mypy_cache .pytest_cache .ruff_cache

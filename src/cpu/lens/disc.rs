@@ -82,7 +82,12 @@ impl<T: Real> Surroundings<T> {
             colors.copy_row(y, first..last + 1, n, &mut self.row);
             for (c, row) in self.row.chunks_exact(n).enumerate() {
                 let color = &mut self.color[(c * down + j) * across..][..across];
-                color.iter_mut().zip(&columns).for_each(|(v, &x)| *v = row[x - first].into());
+                if n == across {
+                    // Nothing is mirrored.
+                    color.iter_mut().zip(row).for_each(|(v, &own)| *v = own.into());
+                } else {
+                    color.iter_mut().zip(&columns).for_each(|(v, &x)| *v = row[x - first].into());
+                }
             }
             // The sums of the channels are made side by side: each waits for its own last one.
             let line = |c: usize| (c.min(size.channels - 1) * down + j) * across;

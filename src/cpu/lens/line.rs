@@ -26,6 +26,8 @@ impl Line {
     #[inline(always)]
     pub fn follow(&self, near: usize, far: usize, mut visit: impl FnMut([f64; 2], usize, usize)) {
         let Line { slope, base } = *self;
+        // Of a ray that never leaves its column, infinite, and not used.
+        let codes_per_cell = slope.map(f64::recip);
         let mut cell = [0, 1].map(|i| (base[i] + slope[i] * near as f64).round());
         let mut to = near;
         while to > far {
@@ -34,7 +36,7 @@ impl Line {
                 if slope[i] == 0.0 {
                     f64::NEG_INFINITY
                 } else {
-                    (cell[i] - 0.5 * slope[i].signum() - base[i]) / slope[i]
+                    (cell[i] - 0.5 * slope[i].signum() - base[i]) * codes_per_cell[i]
                 }
             };
             let (leave_x, leave_y) = (leave(0), leave(1));
