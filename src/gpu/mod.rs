@@ -27,6 +27,7 @@ mod taps;
 #[cfg(test)]
 mod tests;
 
+pub use device::{Restrictions, restrict, uploaded_bytes};
 pub use resident::Residence;
 
 use crate::cancel::Cancel;
