@@ -10,7 +10,6 @@ import argparse
 import json
 import time
 from collections.abc import Callable
-from math import ceil
 from pathlib import Path
 
 import dofsim
@@ -19,7 +18,6 @@ from dofsim import metrics
 from numpy.typing import NDArray
 from oracle.gather import gather
 from scenes.bundle import RECIPES, SUPERSAMPLE, load_bundle
-from scipy.ndimage import distance_transform_edt
 
 BORDER_PX = 30
 
@@ -63,40 +61,10 @@ def lens_of(bundle: Bundle) -> dofsim.Lens:
     )
 
 
-def near_depth_edge(coc_px: NDArray[np.floating]) -> NDArray[np.bool_]:
-    """Find the pixels no farther from a depth edge than the larger blur of its two sides.
-
-    A depth edge lies between neighbours whose CoC radii differ by more than a pixel.
-    """
-    edge_radius = np.zeros(coc_px.shape)
-    for axis in (0, 1):
-        first, second = np.moveaxis(coc_px, axis, 0)[:-1], np.moveaxis(coc_px, axis, 0)[1:]
-        radius = np.where(np.abs(first - second) > 1.0, np.maximum(np.abs(first), np.abs(second)), 0.0)
-        along = np.moveaxis(edge_radius, axis, 0)
-        along[:-1] = np.maximum(along[:-1], radius)
-        along[1:] = np.maximum(along[1:], radius)
-    near = np.zeros(coc_px.shape, bool)
-    for reach in range(1, ceil(edge_radius.max()) + 1):
-        reaching = edge_radius > reach - 1
-        near |= distance_transform_edt(~reaching) <= reach
-    return near
-
-
-def masks_of(bundle: Bundle) -> dict[str, NDArray[np.bool_]]:
-    """Name the regions that are measured apart, by the blur of the surface that the pinhole sees."""
-    coc_px = dofsim.coc(bundle["depth"], lens_of(bundle))
-    return {
-        "overall": np.ones(coc_px.shape, bool),
-        "in focus": np.abs(coc_px) <= 1.0,
-        "behind": coc_px > 1.0,
-        "in front": coc_px < -1.0,
-        "near edges": near_depth_edge(coc_px),
-    }
-
-
 def measure(bundle: Bundle) -> list[dict]:
     """Run every method on a bundle; one record a method."""
-    lens, masks = lens_of(bundle), masks_of(bundle)
+    lens = lens_of(bundle)
+    masks = metrics.regions(dofsim.coc(bundle["depth"], lens))
     inside = np.s_[BORDER_PX:-BORDER_PX, BORDER_PX:-BORDER_PX]
     records = []
     for method, run in METHODS.items():

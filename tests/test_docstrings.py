@@ -7,11 +7,15 @@ from importlib.util import find_spec
 
 import dofsim
 import pytest
-from dofsim import batch, io, metrics, presets
+from dofsim import batch, io, metrics, plot, presets
 
-MODULES = [dofsim, batch, io, metrics, presets]
+MODULES = [dofsim, batch, io, metrics, plot, presets]
 if find_spec("torchvision"):
     MODULES.append(import_module("dofsim.torch"))
+if find_spec("mitsuba"):
+    MODULES.append(import_module("dofsim.mitsuba"))
+if find_spec("anywidget"):
+    MODULES.append(import_module("dofsim.picker"))
 
 
 def documented():

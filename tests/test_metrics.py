@@ -191,3 +191,31 @@ def test_examples_run():
     result = doctest.testmod(metrics)
     assert result.attempted > 0
     assert result.failed == 0
+
+
+def test_regions_are_those_of_their_definition():
+    rng = np.random.default_rng(3)
+    radius = rng.choice([-4.0, 0.0, 0.4, 2.5, 6.0], (24, 30)).repeat(2, axis=0)[:24]
+    radius[6:18, 5:25] = 0.5
+    edges = {}
+    for y, x in np.ndindex(radius.shape):
+        for other in ((y, x + 1), (y + 1, x)):
+            if other[0] < 24 and other[1] < 30 and abs(radius[y, x] - radius[other]) > 1.0:
+                larger = max(abs(radius[y, x]), abs(radius[other]))
+                for pixel in ((y, x), other):
+                    edges[pixel] = max(edges.get(pixel, 0.0), larger)
+    near = np.array(
+        [
+            [any(np.hypot(y - v, x - u) <= np.ceil(r) for (v, u), r in edges.items()) for x in range(30)]
+            for y in range(24)
+        ]
+    )
+    found = metrics.regions(radius)
+    assert near.any()
+    assert not near.all()
+    np.testing.assert_array_equal(found["near edges"], near)
+    np.testing.assert_array_equal(found["in focus"], np.abs(radius) <= 1.0)
+    np.testing.assert_array_equal(found["behind"], radius > 1.0)
+    np.testing.assert_array_equal(found["in front"], radius < -1.0)
+    with pytest.raises(ValueError, match="coc_px"):
+        metrics.regions(radius[0])

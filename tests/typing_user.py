@@ -6,7 +6,21 @@ What must be an error carries an ignore comment, and mypy reports comments that 
 from typing import Any
 
 import numpy as np
-from dofsim import SENSORS, Aperture, DeviceError, Lens, Scene, coc, devices, focus_pull, io, metrics, render
+from dofsim import (
+    SENSORS,
+    Aperture,
+    DeviceError,
+    FocusPicker,
+    Lens,
+    Scene,
+    coc,
+    devices,
+    focus_pull,
+    io,
+    metrics,
+    plot,
+    render,
+)
 from numpy.typing import NDArray
 from typing_extensions import assert_type
 
@@ -72,4 +86,13 @@ def bracket(color: NDArray[np.float32], depth: NDArray[np.float64]) -> NDArray[n
     except DeviceError:
         picture = render(color, depth, lens, aperture=hexagon, threads=2, overscan=8)
     print(metrics.psnr(picture, color), io.read_color("picture.exr").pixels.dtype)
+    picker = FocusPicker(color, depth, lens, aperture=hexagon, depth_kind="z", transfer=None)
+    picker.focus_at(3, 4)
+    assert_type(picker.render(), NDArray[np.float32])
+    FocusPicker(color, depth, lens, transfer="gamma")  # type: ignore[arg-type]
+
+    plot.coc(depth, lens, depth_kind="distance").savefig("coc.png")
+    plot.compare(picture, color, masks=metrics.regions(coc(depth, lens)), border=8)
+    plot.depth_of_field(lens, sharp_radius_px="wide")  # type: ignore[arg-type]
+    print(lens._repr_html_(), hexagon._repr_png_()[:4])
     return picture

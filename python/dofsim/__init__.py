@@ -1,5 +1,7 @@
 """Depth of field as a real lens would have taken it, from a picture and its depth."""
 
+from typing import TYPE_CHECKING, Any
+
 from dofsim._dofsim import (
     Aperture,
     Device,
@@ -13,6 +15,9 @@ from dofsim._dofsim import (
     sensors,
 )
 from dofsim._focus import focus_pull
+
+if TYPE_CHECKING:
+    from dofsim.picker import FocusPicker as FocusPicker
 
 SENSORS: dict[str, tuple[float, float]] = {name: (width, height) for name, width, height in sensors()}
 """Sensors by name: their widths and heights in millimetres."""
@@ -30,3 +35,12 @@ __all__ = [
     "focus_pull",
     "render",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Import the widget when it is asked for: its packages are optional, and slow to load."""
+    if name == "FocusPicker":
+        from dofsim.picker import FocusPicker
+
+        return FocusPicker
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

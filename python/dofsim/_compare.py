@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _panel, io, metrics
+from . import _panel, falsecolor, io, metrics
 
 
 @dataclass(frozen=True)
@@ -33,13 +35,25 @@ class Distance:
         return f"PSNR {self.psnr:.2f} dB, SSIM {self.ssim:.4f}, FLIP {self.flip:.4f}"
 
 
-def measure(a: NDArray[np.float32], b: NDArray[np.float32], *, border: int = 0) -> Distance:
+def measure(
+    a: NDArray[Any], b: NDArray[Any], *, border: int = 0, mask: NDArray[np.bool_] | None = None
+) -> Distance:
     """Measure the distance of two pictures of linear light, shape (H, W) or (H, W, 3)."""
     return Distance(
-        metrics.psnr(a, b, border=border),
-        metrics.ssim(a, b, border=border),
-        metrics.flip(a, b, border=border),
+        metrics.psnr(a, b, border=border, mask=mask),
+        metrics.ssim(a, b, border=border, mask=mask),
+        metrics.flip(a, b, border=border, mask=mask),
     )
+
+
+def measure_regions(
+    a: NDArray[Any], b: NDArray[Any], regions: Mapping[str, NDArray[np.bool_]], *, border: int = 0
+) -> dict[str, Distance]:
+    """Measure the distance in each region that has a pixel inside the border."""
+    inside = np.s_[border : a.shape[0] - border, border : a.shape[1] - border]
+    return {
+        name: measure(a, b, border=border, mask=mask) for name, mask in regions.items() if mask[inside].any()
+    }
 
 
 def opaque(image: io.Image) -> NDArray[np.float32]:
@@ -60,13 +74,6 @@ def difference_tile(a: NDArray[np.float32], b: NDArray[np.float32], title: str) 
     """Show the difference of two pictures as heat, from black (equal) to light (the largest)."""
     error = metrics.error_map(a, b)
     top = max(float(error.max()), 1e-6)
-    stops = np.array([[0, 0, 0], [90, 20, 110], [220, 70, 70], [254, 190, 110], [252, 253, 191]], float)
-    places = np.linspace(0.0, 1.0, len(stops))
-
-    def heat(values: NDArray[np.floating]) -> NDArray[np.uint8]:
-        channels = [np.interp(values, places, stops[:, channel]) for channel in range(3)]
-        colors: NDArray[np.uint8] = np.rint(np.stack(channels, axis=-1)).astype(np.uint8)
-        return colors
-
     ticks = [(0.0, "0"), (0.5, f"{top / 2:.3g}"), (1.0, f"{top:.3g} of 1")]
-    return _panel.Tile(title, heat(error / top), _panel.Scale(heat(np.linspace(0.0, 1.0, 256)), ticks))
+    scale = _panel.Scale(falsecolor.heat(np.linspace(0.0, 1.0, 256)), ticks)
+    return _panel.Tile(title, falsecolor.heat(error / top), scale)

@@ -1,4 +1,4 @@
-"""Circles of confusion as colours: near red, far blue, in focus light."""
+"""Circles of confusion as colours: near red, far blue, in focus light; and errors as heat."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _panel
 
-__all__ = ["draw_coc", "false_color"]
+__all__ = ["draw_coc", "false_color", "heat", "round_limit"]
 
 # sRGB code values from nearest to farthest. Lightness falls evenly to both sides, so that the sharp zone is
 # seen without colour vision too.
 _STOPS = np.array(
     [[0.40, 0.00, 0.05], [0.80, 0.24, 0.20], [0.95, 0.94, 0.92], [0.25, 0.48, 0.78], [0.03, 0.15, 0.42]]
 )
+# The same from no error to the largest: lightness rises evenly.
+_HEAT_STOPS = np.array([[0, 0, 0], [90, 20, 110], [220, 70, 70], [254, 190, 110], [252, 253, 191]]) / 255.0
 
 
 def false_color(radius: ArrayLike, limit: float) -> NDArray[np.uint8]:
@@ -46,9 +48,35 @@ def false_color(radius: ArrayLike, limit: float) -> NDArray[np.uint8]:
     """
     if not limit > 0 or not math.isfinite(limit):
         raise ValueError(f"limit must be positive and finite, not {limit}")
-    place = np.asarray(radius, dtype=np.float64) / limit
-    stops = np.linspace(-1.0, 1.0, len(_STOPS))
-    channels = [np.interp(place, stops, _STOPS[:, channel]) for channel in range(3)]
+    return _between(_STOPS, 0.5 + 0.5 * np.asarray(radius, dtype=np.float64) / limit)
+
+
+def heat(values: ArrayLike) -> NDArray[np.uint8]:
+    """Colour errors: black where there is none, light where it is 1.
+
+    Parameters
+    ----------
+    values : array_like
+        Any shape; those outside 0 to 1 have the colours of the ends.
+
+    Returns
+    -------
+    ndarray of uint8
+        The shape of ``values`` and 3 channels of sRGB code values.
+
+    Examples
+    --------
+    >>> from dofsim.falsecolor import heat
+    >>> heat([0.0, 1.0]).tolist()
+    [[0, 0, 0], [252, 253, 191]]
+    """
+    return _between(_HEAT_STOPS, np.asarray(values, dtype=np.float64))
+
+
+def _between(stops: NDArray[np.float64], place: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """Interpolate colours that are evenly spaced from 0 to 1."""
+    places = np.linspace(0.0, 1.0, len(stops))
+    channels = [np.interp(place, places, stops[:, channel]) for channel in range(3)]
     codes: NDArray[np.uint8] = np.rint(np.stack(channels, axis=-1) * 255).astype(np.uint8)
     return codes
 
@@ -83,7 +111,7 @@ def draw_coc(radius: NDArray[np.float32], *, limit: float | None = None) -> byte
     b'PNG'
     """
     if limit is None:
-        limit = _round_up(float(np.max(np.abs(radius))))
+        limit = round_limit(radius)
     ticks = [
         (0.0, f"-{limit:g} px, near"),
         (0.25, f"-{limit / 2:g} px"),
@@ -96,9 +124,17 @@ def draw_coc(radius: NDArray[np.float32], *, limit: float | None = None) -> byte
     return _panel.draw([tile])
 
 
-def _round_up(value: float) -> float:
-    """Round up to 1, 2 or 5 times a power of ten; 1 for a picture that is sharp all over."""
-    if not value > 0 or not math.isfinite(value):
+def round_limit(radius: ArrayLike) -> float:
+    """Give the next of 1, 2 or 5 times a power of ten above the largest radius; 1 if all is sharp.
+
+    Examples
+    --------
+    >>> from dofsim.falsecolor import round_limit
+    >>> round_limit([-13.0, 4.0])
+    20.0
+    """
+    largest = float(np.max(np.abs(np.asarray(radius, dtype=np.float64))))
+    if not largest > 0 or not math.isfinite(largest):
         return 1.0
-    power = 10.0 ** math.floor(math.log10(value))
-    return next(step * power for step in (1.0, 2.0, 5.0, 10.0) if value <= step * power)
+    power = 10.0 ** math.floor(math.log10(largest))
+    return next(step * power for step in (1.0, 2.0, 5.0, 10.0) if largest <= step * power)

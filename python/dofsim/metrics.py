@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["error_map", "flip", "psnr", "srgb", "ssim"]
+__all__ = ["error_map", "flip", "psnr", "regions", "srgb", "ssim"]
 
 
 def srgb(linear: ArrayLike) -> NDArray[np.float64]:
@@ -242,6 +242,66 @@ def error_map(
         raise ValueError(f"metric must be 'difference' or 'flip', not {metric!r}")
     code_a, code_b, _ = _compared(a, b, 0, None)
     return methods[metric](code_a, code_b).astype(np.float32)
+
+
+def regions(coc_px: ArrayLike) -> dict[str, NDArray[np.bool_]]:
+    """Split a picture into regions that are measured apart, by the blur of the surface that the pinhole sees.
+
+    Parameters
+    ----------
+    coc_px : array_like, shape (H, W)
+        Signed radius of the circle of confusion in pixels, as from `dofsim.coc`.
+
+    Returns
+    -------
+    dict of str to ndarray of bool
+        ``"overall"``; ``"in focus"`` (radius up to 1 px), ``"behind"`` and ``"in front"``; ``"near edges"``:
+        the pixels no farther from a depth edge than the larger blur of its two sides. A depth edge lies
+        between neighbours whose radii differ by more than a pixel.
+
+    Raises
+    ------
+    ValueError
+        If the array is not two-dimensional.
+    ImportError
+        If SciPy is missing.
+
+    Examples
+    --------
+    >>> from dofsim.metrics import regions
+    >>> {name: int(mask.sum()) for name, mask in regions([[0.0, 0.0, 0.0, 0.0, 2.0, 2.0]]).items()}
+    {'overall': 6, 'in focus': 4, 'behind': 2, 'in front': 0, 'near edges': 5}
+    """
+    radius = np.asarray(coc_px, dtype=np.float64)
+    if radius.ndim != 2:
+        raise ValueError(f"coc_px has the shape (H, W), not {radius.shape}")
+    return {
+        "overall": np.ones(radius.shape, bool),
+        "in focus": np.abs(radius) <= 1.0,
+        "behind": radius > 1.0,
+        "in front": radius < -1.0,
+        "near edges": _near_depth_edge(radius),
+    }
+
+
+def _near_depth_edge(radius: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Find the pixels that the blur of a depth edge reaches."""
+    try:
+        from scipy.ndimage import distance_transform_edt
+    except ImportError as error:
+        raise ImportError("regions need SciPy: pip install dofsim[metrics]") from error
+    # The larger blur of the two sides, at the pixels of either side of an edge; 0 elsewhere.
+    edge = np.zeros(radius.shape)
+    for axis in (0, 1):
+        first, second = np.moveaxis(radius, axis, 0)[:-1], np.moveaxis(radius, axis, 0)[1:]
+        reach = np.where(np.abs(first - second) > 1.0, np.maximum(np.abs(first), np.abs(second)), 0.0)
+        along = np.moveaxis(edge, axis, 0)
+        along[:-1] = np.maximum(along[:-1], reach)
+        along[1:] = np.maximum(along[1:], reach)
+    near = np.zeros(radius.shape, dtype=np.bool_)
+    for pixels in range(1, int(np.ceil(edge.max())) + 1):
+        near |= distance_transform_edt(edge <= pixels - 1) <= pixels
+    return near
 
 
 def _compared(

@@ -1,42 +1,58 @@
 //! PNG with 8 and 16 bits a sample, written with the mark of sRGB, which the `image` crate does not offer.
 
 use super::{Pixels, Problem, Result, Shape, atomic};
-use ::png::{BitDepth, ColorType, Encoder, EncodingError};
+use ::png::{BitDepth, ColorType, Compression, Encoder, EncodingError};
+use std::io::Write;
 use std::path::Path;
 
 /// Writes 1 to 4 channels of 8 or 16 bits, marked as sRGB, alpha straight.
 pub fn write(path: &Path, pixels: Pixels<'_>, shape: Shape) -> Result<()> {
-    atomic::replace(path, |writer| {
-        let (width, height) = shape.size_u32()?;
-        let mut encoder = Encoder::new(writer, width, height);
-        encoder.set_color(match shape.channels {
-            1 => ColorType::Grayscale,
-            2 => ColorType::GrayscaleAlpha,
-            3 => ColorType::Rgb,
-            4 => ColorType::Rgba,
-            n => return Err(Problem::Argument(format!("PNG holds 1 to 4 channels, not {n}"))),
-        });
-        encoder.set_source_srgb(::png::SrgbRenderingIntent::Perceptual);
-        match pixels {
-            Pixels::U8(samples) => {
-                encoder.set_depth(BitDepth::Eight);
-                let mut image = encoder.write_header()?;
-                image.write_image_data(samples)?;
-                image.finish()?;
-            }
-            Pixels::U16(samples) => {
-                encoder.set_depth(BitDepth::Sixteen);
-                let bytes: Vec<u8> = samples.iter().flat_map(|sample| sample.to_be_bytes()).collect();
-                let mut image = encoder.write_header()?;
-                image.write_image_data(&bytes)?;
-                image.finish()?;
-            }
-            Pixels::F32(_) => {
-                return Err(Problem::Argument("PNG holds 8- and 16-bit integers, not floats".into()));
-            }
+    atomic::replace(path, |writer| encode(writer, pixels, shape, Compression::default()))
+}
+
+/// The bytes of such a file, compressed quickly: for a screen, not for a disk.
+pub fn bytes(pixels: Pixels<'_>, shape: Shape) -> std::result::Result<Vec<u8>, Problem> {
+    let mut bytes = Vec::new();
+    encode(&mut bytes, pixels, shape, Compression::Fast)?;
+    Ok(bytes)
+}
+
+fn encode(
+    writer: impl Write,
+    pixels: Pixels<'_>,
+    shape: Shape,
+    compression: Compression,
+) -> std::result::Result<(), Problem> {
+    let (width, height) = shape.size_u32()?;
+    let mut encoder = Encoder::new(writer, width, height);
+    encoder.set_color(match shape.channels {
+        1 => ColorType::Grayscale,
+        2 => ColorType::GrayscaleAlpha,
+        3 => ColorType::Rgb,
+        4 => ColorType::Rgba,
+        n => return Err(Problem::Argument(format!("PNG holds 1 to 4 channels, not {n}"))),
+    });
+    encoder.set_compression(compression);
+    encoder.set_source_srgb(::png::SrgbRenderingIntent::Perceptual);
+    match pixels {
+        Pixels::U8(samples) => {
+            encoder.set_depth(BitDepth::Eight);
+            let mut image = encoder.write_header()?;
+            image.write_image_data(samples)?;
+            image.finish()?;
         }
-        Ok(())
-    })
+        Pixels::U16(samples) => {
+            encoder.set_depth(BitDepth::Sixteen);
+            let bytes: Vec<u8> = samples.iter().flat_map(|sample| sample.to_be_bytes()).collect();
+            let mut image = encoder.write_header()?;
+            image.write_image_data(&bytes)?;
+            image.finish()?;
+        }
+        Pixels::F32(_) => {
+            return Err(Problem::Argument("PNG holds 8- and 16-bit integers, not floats".into()));
+        }
+    }
+    Ok(())
 }
 
 impl From<EncodingError> for Problem {

@@ -299,6 +299,16 @@ impl PyAperture {
         self.to_string()
     }
 
+    /// What a notebook shows: the words of the opening, and what it makes of a point of light.
+    fn _repr_html_<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("dofsim._display")?.call_method1("aperture_html", (slf,))
+    }
+
+    /// The same as a picture: behind the focus on the left, in front of it on the right.
+    fn _repr_png_<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("dofsim._display")?.call_method1("aperture_png", (slf,))
+    }
+
     fn __hash__(&self) -> u64 {
         hash_words(&self.to_string())
     }

@@ -6,6 +6,7 @@ use half::f16;
 use numpy::{Element, PyArray1, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyOSError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
 use std::path::PathBuf;
 
 /// Refusals of the system become `OSError` with its number, so that Python picks the subclass; all else is
@@ -219,6 +220,14 @@ pub fn write_exr(
 pub fn write_png(py: Python<'_>, path: PathBuf, pixels: Contiguous<'_>) -> PyResult<()> {
     let (pixels, shape) = (pixels.pixels()?, pixels.shape());
     Ok(py.detach(|| files::png::write(&path, pixels, shape))?)
+}
+
+/// The bytes of a PNG file of uint8 or uint16 pixels, sRGB with straight alpha.
+#[pyfunction]
+pub fn encode_png<'py>(py: Python<'py>, pixels: Contiguous<'_>) -> PyResult<Bound<'py, PyBytes>> {
+    let (pixels, shape) = (pixels.pixels()?, pixels.shape());
+    let bytes = py.detach(|| files::png::bytes(pixels, shape));
+    bytes.map(|bytes| PyBytes::new(py, &bytes)).map_err(|problem| PyValueError::new_err(problem.to_string()))
 }
 
 /// Writes uint8, uint16 or float32 pixels to a TIFF file.

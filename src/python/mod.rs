@@ -25,8 +25,8 @@ pub mod _dofsim {
     use super::errors::DeviceError;
     #[pymodule_export]
     use super::files::{
-        ExrPart, decode_codes, encode_codes, exr_parts, file_kind, read_exr, read_raster, write_bytes,
-        write_exr, write_pfm, write_png, write_tiff,
+        ExrPart, decode_codes, encode_codes, encode_png, exr_parts, file_kind, read_exr, read_raster,
+        write_bytes, write_exr, write_pfm, write_png, write_tiff,
     };
     #[pymodule_export]
     use super::lens::{PyLens, sensors};

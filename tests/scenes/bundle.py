@@ -8,6 +8,7 @@ import hashlib
 import importlib
 import time
 from dataclasses import dataclass
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -103,6 +104,8 @@ def fingerprint(name: str) -> str:
     digest = hashlib.sha256(repr((RECIPES[name], SUPERSAMPLE, LAYERS)).encode())
     for module in (name, *RECIPES[name].uses, "camera", "capture", "shapes", "textures"):
         digest.update((Path(__file__).parent / f"{module}.py").read_bytes())
+    for module in ("_peel", "_view"):
+        digest.update(resources.files("dofsim.mitsuba").joinpath(f"{module}.py").read_bytes())
     return digest.hexdigest()
 
 

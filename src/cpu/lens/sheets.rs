@@ -12,7 +12,7 @@ use super::unmix::{Frame, HalfPlane, Mixed, unmix};
 use crate::cancel::Cancel;
 use crate::cpu::simd::Simd;
 use crate::error::Result;
-use crate::memory;
+use crate::memory::Buffer;
 use crate::picture::{Layer, Picture, Size};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -21,7 +21,7 @@ use std::sync::Arc;
 /// One cell a pixel at most. Sheets of single channels share all but the colours.
 pub struct Sheet {
     /// Shift of every cell relative to infinity, in pixels; NaN where there is none.
-    pub s: Arc<Vec<f32>>,
+    pub s: Arc<Buffer<f32>>,
     /// Colour of every cell; zero where there is none.
     pub colors: Colors,
     /// The cells that cover their pixel in part, by rising index.
@@ -93,15 +93,15 @@ impl Sheets {
             let links =
                 if sheet.links.is_empty() { Vec::new() } else { sheet.links[pixels.clone()].to_vec() };
             Sheet {
-                s: Arc::new(sheet.s[pixels.clone()].to_vec()),
+                s: Arc::new(Buffer::from(&sheet.s[pixels.clone()])),
                 colors: sheet.colors.rows(pixels.clone(), size),
                 partial: Arc::new(partial),
                 links: Arc::new(links),
             }
         };
         let depths = self.depths.iter().map(|depths| Depths {
-            lo: depths.lo[pixels.clone()].to_vec(),
-            hi: depths.hi[pixels.clone()].to_vec(),
+            lo: Buffer::from(&depths.lo[pixels.clone()]),
+            hi: Buffer::from(&depths.hi[pixels.clone()]),
         });
         Sheets {
             size,
@@ -123,10 +123,8 @@ pub fn build(picture: &Picture, k: f64, simd: Simd, cancel: &Cancel) -> Result<S
     }
 }
 
-fn scaled(disparity: &[f32], k: f64) -> Vec<f32> {
-    let mut s = memory::zeros(disparity.len());
-    s.par_iter_mut().zip(disparity).for_each(|(s, &d)| *s = (k * f64::from(d)) as f32);
-    s
+fn scaled(disparity: &[f32], k: f64) -> Buffer<f32> {
+    Buffer::of_each(disparity, |d| (k * f64::from(*d)) as f32)
 }
 
 /// One layer: edges are unmixed, and what lies hidden behind them is filled in.
@@ -156,8 +154,7 @@ fn from_one_layer(size: Size, layer: &Layer, k: f64, simd: Simd, cancel: &Cancel
 
     both.iter().for_each(|m| s[m.index] = m.s_front);
     behind.iter().for_each(|m| s[m.index] = m.s_back);
-    let mut back_s = memory::zeros(size.pixels());
-    back_s.par_iter_mut().for_each(|s| *s = f32::NAN);
+    let mut back_s = Buffer::full(size.pixels(), f32::NAN);
     both.iter().for_each(|m| back_s[m.index] = m.s_back);
     hidden.iter().for_each(|h| back_s[h.index] = h.s);
 
@@ -209,7 +206,7 @@ fn from_layers(size: Size, layers: &[Layer], k: f64, simd: Simd, cancel: &Cancel
             let mut s = scaled(&layer.disparity, k);
             let links = surfaces::links(&s, size.width, size.height);
             s.iter_mut().zip(coverage).filter(|(_, a)| **a <= 0.0).for_each(|(s, _)| *s = f32::NAN);
-            let mut color = Vec::clone(&layer.color);
+            let mut color = Buffer::clone(&layer.color);
             color.par_chunks_mut(n).for_each(|plane| {
                 for (c, &a) in plane.iter_mut().zip(coverage) {
                     *c = if a > 0.0 { *c / a } else { 0.0 };

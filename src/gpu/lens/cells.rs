@@ -52,7 +52,7 @@ impl Cells {
             .depths
             .iter()
             .flat_map(|depths| {
-                depths.lo.iter().zip(&depths.hi).map(|(&lo, &hi)| u32::from(lo) | u32::from(hi) << 16)
+                depths.lo.iter().zip(depths.hi.iter()).map(|(&lo, &hi)| u32::from(lo) | u32::from(hi) << 16)
             })
             .collect();
         let codes = gpu.upload("the depths of all cells", &codes)?;

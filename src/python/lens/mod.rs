@@ -381,6 +381,11 @@ impl PyLens {
         Ok(format!("{maker}({})", shown.join(", ")))
     }
 
+    /// What a notebook shows: the words of the lens, and how blur grows with the distance.
+    fn _repr_html_<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("dofsim._display")?.call_method1("lens_html", (slf,))
+    }
+
     fn __hash__(&self, py: Python<'_>) -> PyResult<u64> {
         Ok(hash_words(&self.__repr__(py)?))
     }

@@ -1,0 +1,159 @@
+"""What `dofsim.render` wants of a Mitsuba scene."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import isqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import dofsim
+
+from ._peel import peel
+from ._variant import check_variant
+from ._view import View, load_scene, render
+
+__all__ = ["Capture", "rgbd"]
+
+
+@dataclass(frozen=True, eq=False)
+class Capture:
+    """A pinhole picture of a scene with its depth, and the lens to see it through.
+
+    Unpacks into what `dofsim.render` takes first: ``dofsim.render(*capture)``, if it was taken without
+    `supersample` and `overscan`, or else ``capture.render()``.
+
+    Attributes
+    ----------
+    color : ndarray of float32
+        Linear light: shape (H, W, 3), or (L, H, W, 4) of layers, premultiplied.
+    depth : ndarray of float32
+        Planar depth in metres at pixel centres, shape (H, W) or (L, H, W); infinite for the background.
+    lens : Lens
+        That of the scene's sensor.
+    supersample, overscan : int
+        As for `dofsim.render`.
+    """
+
+    color: NDArray[np.float32]
+    depth: NDArray[np.float32]
+    lens: dofsim.Lens
+    supersample: int = 1
+    overscan: int = 0
+
+    def __iter__(self) -> Iterator[Any]:
+        """Yield the colour, the depth and the lens."""
+        return iter((self.color, self.depth, self.lens))
+
+    def render(self, lens: dofsim.Lens | None = None, **options: Any) -> NDArray[np.float32]:
+        """See the scene through its lens, or through another one.
+
+        Parameters
+        ----------
+        lens : Lens, optional
+            Another lens; its field of view has to be that of the sensor.
+        **options
+            As for `dofsim.render`: ``method``, ``device``, ``aperture`` and so on.
+
+        Returns
+        -------
+        ndarray of float32
+            Shape (H, W, 3); of layers (H, W, 4), premultiplied.
+        """
+        picture: NDArray[np.float32] = dofsim.render(
+            self.color,
+            self.depth,
+            lens or self.lens,
+            supersample=self.supersample,
+            overscan=self.overscan,
+            **options,
+        )
+        return picture
+
+
+def rgbd(
+    scene: Any,
+    *,
+    spp: int = 64,
+    layers: int = 1,
+    supersample: int = 1,
+    overscan: int = 0,
+    sensor: int = 0,
+    seed: int = 0,
+) -> Capture:
+    """Render what `dofsim.render` takes: pinhole colour, depth at pixel centres, and the lens.
+
+    Parameters
+    ----------
+    scene : mitsuba.Scene, dict or path
+        The scene; its integrator renders the colours.
+    spp : int, optional
+        Samples a pixel, rounded up to a square; of layers, light paths to each surface.
+    layers : int, optional
+        How many surfaces one behind another are sampled along each pixel's ray. A single layer's colour is
+        averaged over the pixel; those of several are taken at its centre, so that in focus they are aliased
+        unless there is `supersample`. Behind the first one, surfaces seen from behind, the insides of solids,
+        are left out.
+    supersample : int, optional
+        Pixels to one of the output, along each axis; `spp` counts for each of them.
+    overscan : int, optional
+        Pixels of the output added on every side, for what a lens sees from beyond the border.
+    sensor : int, optional
+        Which of the scene's sensors: a ``thinlens``, or a ``perspective`` one, whose lens is a pinhole.
+    seed : int, optional
+        Of the random numbers.
+
+    Returns
+    -------
+    Capture
+        Colour, depth and lens; unpacks into the three.
+
+    Raises
+    ------
+    TypeError
+        If the scene is none.
+    ValueError
+        If the sensor has no field of view or crops its film, a number is out of range, or Mitsuba's variant
+        is not an RGB one.
+
+    Examples
+    --------
+    >>> import dofsim
+    >>> from dofsim.mitsuba import rgbd
+    >>> film = {"type": "hdrfilm", "width": 24, "height": 16}
+    >>> camera = {"type": "thinlens", "fov": 40, "aperture_radius": 0.1, "focus_distance": 3, "film": film}
+    >>> ball = {"type": "sphere", "center": [0, 0, 4], "emitter": {"type": "area", "radiance": 1.0}}
+    >>> scene = {"type": "scene", "integrator": {"type": "path"}, "camera": camera, "ball": ball}
+    >>> color, depth, lens = rgbd(scene, spp=4)
+    >>> color.shape, round(float(depth.min()), 1), lens.focus_distance
+    ((16, 24, 3), 3.0, 3.0)
+    """
+    for name, value, least in (
+        ("spp", spp, 1),
+        ("layers", layers, 1),
+        ("supersample", supersample, 1),
+        ("overscan", overscan, 0),
+        ("seed", seed, 0),
+    ):
+        if value < least:
+            raise ValueError(f"{name} must be at least {least}; got {value}")
+    check_variant()
+    loaded = load_scene(scene)
+    seen = View.of(loaded, sensor)
+    lens = dofsim.Lens.from_mitsuba(loaded.sensors()[sensor])
+    view = seen.widened(overscan).finer(supersample)
+    if layers == 1:
+        _, depth = peel(loaded, view, 1, spp=0, seed=seed)
+        color = render(loaded, view, "perspective", spp=squared(spp), seed=seed)
+        return Capture(color, depth[0], lens, supersample, overscan)
+    color, depth = peel(loaded, view, layers, spp=spp, seed=seed)
+    return Capture(color, depth, lens, supersample, overscan)
+
+
+def squared(spp: int) -> int:
+    """Round up to the square of a whole number, which multi-jittered sampling wants."""
+    side = isqrt(spp - 1) + 1
+    return side * side

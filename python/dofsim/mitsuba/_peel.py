@@ -1,0 +1,132 @@
+"""Surfaces one behind another along the ray through each pixel's centre."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from ._view import View
+
+__all__ = ["peel"]
+
+Layers = tuple[NDArray[np.float32], NDArray[np.float32]]
+
+
+def peel(scene: Any, view: View, layers: int, *, spp: int, seed: int) -> Layers:
+    """Sample colour and depth of the surfaces behind each pixel's centre, nearest first.
+
+    Behind the first one, surfaces seen from behind are passed through: they are the insides of solids, which
+    no lens can see. The environment is a last surface at infinity.
+
+    Parameters
+    ----------
+    scene : mitsuba.Scene
+        The scene.
+    view : View
+        The pinhole.
+    layers : int
+        How many surfaces.
+    spp : int
+        Light paths that each colour is averaged over; 0 for depth alone.
+    seed : int
+        Of their random numbers.
+
+    Returns
+    -------
+    color : (layers, height, width, 4) array
+        Premultiplied linear colour; alpha 0 where there is no such surface.
+    depth : (layers, height, width) array
+        Planar depth in metres, infinite where there is no surface.
+    """
+    if mi.variant().startswith("scalar"):
+        return _peel_scalar(scene, view, layers, spp, seed)
+    return _peel_wavefront(scene, view, layers, spp, seed)
+
+
+def _peel_scalar(scene: Any, view: View, layers: int, spp: int, seed: int) -> Layers:
+    width, height = view.size
+    color = np.zeros((layers, height, width, 4), np.float32)
+    depth = np.full((layers, height, width), np.inf, np.float32)
+    sensor, sampler = view.sensor("perspective"), mi.load_dict({"type": "independent"})
+    axis, origin = view.to_world[:3, 2], view.to_world[:3, 3]
+    for y in range(height):
+        for x in range(width):
+            at = mi.Point2f((x + 0.5) / width, (y + 0.5) / height)
+            ray, _ = sensor.sample_ray(0.0, 0.5, at, mi.Point2f(0.5))
+            sampler.seed(seed * 1_000_003 + y * width + x)
+            for layer, (rgb, point) in enumerate(_along_ray(scene, ray, sampler, layers, spp)):
+                color[layer, y, x] = [*rgb, 1.0]
+                if point is not None:
+                    depth[layer, y, x] = axis @ (np.array(point) - origin)
+    return color, depth
+
+
+def _along_ray(scene: Any, ray: Any, sampler: Any, layers: int, spp: int) -> Iterator[tuple[Any, Any]]:
+    """Yield the colour and the place of each surface that a ray meets; the environment has none."""
+    found = 0
+    while found < layers:
+        hit = scene.ray_intersect(ray)
+        is_surface = hit.is_valid()
+        if not is_surface and scene.environment() is None:
+            return
+        if not is_surface or hit.wi.z > 0.0 or found == 0:
+            rgb = mi.Color3f(0.0)
+            for _ in range(spp):
+                rgb += scene.integrator().sample(scene, sampler, ray)[0] / spp
+            yield rgb, hit.p if is_surface else None
+            found += 1
+        if not is_surface:
+            return
+        ray = hit.spawn_ray(ray.d)
+
+
+def _peel_wavefront(scene: Any, view: View, layers: int, spp: int, seed: int) -> Layers:
+    import drjit as dr
+
+    width, height = view.size
+    count = width * height
+    index = dr.arange(mi.UInt32, count)
+    at = mi.Point2f((index % width + 0.5) / width, (index // width + 0.5) / height)
+    ray, _ = view.sensor("perspective").sample_ray(0.0, 0.5, at, mi.Point2f(0.5))
+    ray = mi.Ray3f(ray)
+    axis, origin = view.to_world[:3, 2], view.to_world[:3, 3]
+    has_environment = scene.environment() is not None
+
+    color = np.zeros((layers, count, 4), np.float32)
+    depth = np.full((layers, count), np.inf, np.float32)
+    found = np.zeros(count, np.int64)
+    alive = mi.Bool(True)
+    while True:
+        hit = scene.ray_intersect(ray, alive)
+        surface = alive & hit.is_valid()
+        outside = surface & ((hit.wi.z > 0.0) | mi.Bool(found == 0))
+        counts = outside | (alive & ~surface) if has_environment else outside
+        rgb = _radiance(scene, ray, counts, count, spp, seed)
+        now, solid = np.array(counts), np.array(outside)
+        color[found[now], now, :3] = rgb[now]
+        color[found[now], now, 3] = 1.0
+        depth[found[solid], solid] = (np.array(hit.p).T[solid] - origin) @ axis
+        found += now
+        alive = surface & mi.Bool(found < layers)
+        ray = hit.spawn_ray(ray.d)
+        dr.eval(ray, alive)
+        if not dr.any(alive):
+            return color.reshape(layers, height, width, 4), depth.reshape(layers, height, width)
+
+
+def _radiance(scene: Any, ray: Any, active: Any, count: int, spp: int, seed: int) -> NDArray[np.float32]:
+    import drjit as dr
+
+    if spp == 0:
+        return np.zeros((count, 3), np.float32)
+    sampler = mi.load_dict({"type": "independent"})
+    total = mi.Color3f(0.0)
+    for pass_index in range(spp):
+        sampler.seed(seed * 100_003 + pass_index, count)
+        total += scene.integrator().sample(scene, sampler, ray, active=active)[0]
+        dr.eval(total)
+    return np.array(total / spp).T

@@ -1,0 +1,257 @@
+"""`dofsim.mitsuba`: what is read off a scene's own sensor, and what is rendered of it."""
+
+import subprocess
+import sys
+from functools import cache
+
+import numpy as np
+import pytest
+
+mi = pytest.importorskip("mitsuba", reason="Mitsuba 3 is the reference: pip install mitsuba")
+
+import dofsim  # noqa: E402
+from dofsim import metrics  # noqa: E402
+from dofsim.mitsuba import compare, find_llvm, rgbd  # noqa: E402
+from scenes.variant import choose_variant  # noqa: E402
+
+WIDTH, HEIGHT = 48, 36
+# Somewhere, looking askance.
+ORIGIN, TARGET = np.array([1.0, 2.0, -3.0]), np.array([0.5, 1.6, 4.0])
+
+
+@pytest.fixture(autouse=True)
+def variant():
+    choose_variant("scalar_rgb")
+
+
+def glow(radiance):
+    return {"emitter": {"type": "area", "radiance": {"type": "rgb", "value": radiance}}}
+
+
+THIN_LENS = {"type": "thinlens", "aperture_radius": 0.05, "focus_distance": 3.0}
+
+
+def words(camera=THIN_LENS, **sensor):
+    """Describe a wall with a ball before it, in world coordinates, and a ball between the two."""
+    towards = (TARGET - ORIGIN) / np.linalg.norm(TARGET - ORIGIN)
+    transform = mi.ScalarTransform4f()
+    wall = transform.look_at(
+        target=list(ORIGIN), origin=list(ORIGIN + 9.0 * towards), up=[0, 1, 0]
+    ) @ transform.scale(20.0)
+    return {
+        "type": "scene",
+        "integrator": {"type": "path", "max_depth": 2},
+        "camera": {
+            "fov": 40.0,
+            "fov_axis": "y",
+            "to_world": transform.look_at(origin=list(ORIGIN), target=list(TARGET), up=[0, 1, 0]),
+            "film": {"type": "hdrfilm", "width": WIDTH, "height": HEIGHT},
+        }
+        | camera
+        | sensor,
+        "wall": {"type": "rectangle", "to_world": wall, **glow([0.2, 0.4, 0.6])},
+        "near": {"type": "sphere", "center": list(ORIGIN + 3.0 * towards), "radius": 0.5, **glow([3, 1, 1])},
+        "far": {"type": "sphere", "center": list(ORIGIN + 6.0 * towards), "radius": 0.5, **glow([1, 2, 1])},
+    }
+
+
+@cache
+def shot():
+    return rgbd(words(), spp=4)
+
+
+def test_depth_is_planar_and_at_pixel_centres():
+    """The wall faces the camera: all of it is as far. The ball's depth follows from its equation."""
+    depth = shot().depth
+    assert depth[0, 0] == pytest.approx(9.0, rel=1e-5)
+    assert depth[0, -1] == pytest.approx(9.0, rel=1e-5)
+    focal_px = 0.5 * HEIGHT / np.tan(np.radians(20.0))
+    y, x = np.mgrid[0:HEIGHT, 0:WIDTH]
+    right, down = (x + 0.5 - WIDTH / 2) / focal_px, (y + 0.5 - HEIGHT / 2) / focal_px
+    # |z (right, down, 1) - (0, 0, 3)| = 1/2
+    a = 1.0 + right**2 + down**2
+    root = 36.0 - 4.0 * a * (9.0 - 0.25)
+    expected = np.where(root > 0.0, (6.0 - np.sqrt(np.maximum(root, 0.0))) / (2.0 * a), 9.0)
+    np.testing.assert_allclose(depth, expected, rtol=1e-4)
+
+
+def test_lens_is_the_sensors():
+    lens = shot().lens
+    assert lens.aperture_radius == pytest.approx(0.05)
+    assert lens.focus_distance == pytest.approx(3.0)
+    y_fov = 2.0 * np.degrees(np.arctan(np.tan(np.radians(0.5 * lens.fov)) * HEIGHT / WIDTH))
+    assert y_fov == pytest.approx(40.0, rel=1e-5)
+
+
+def test_color_is_the_pinholes():
+    color, depth, _ = shot()
+    np.testing.assert_allclose(color[0, 0], [0.2, 0.4, 0.6], rtol=1e-5)
+    np.testing.assert_allclose(color[HEIGHT // 2, WIDTH // 2], [3.0, 1.0, 1.0], rtol=1e-5)
+    on_ball = (depth < 4.0).astype(float)
+    # A pixel's colour is the mean over its square: only at the ball's edge is it neither.
+    mixed = (color[..., 0] > 0.21) & (color[..., 0] < 2.99)
+    edge = np.abs(np.gradient(on_ball)[0]) + np.abs(np.gradient(on_ball)[1]) > 0
+    assert mixed.any()
+    assert edge[mixed].all()
+
+
+def test_unpacks_into_what_render_takes():
+    capture = shot()
+    np.testing.assert_array_equal(dofsim.render(*capture), capture.render())
+    assert not np.array_equal(capture.render(), capture.render(capture.lens.replace(focus_distance=6.0)))
+
+
+XML = """<scene version="3.0.0">
+    <integrator type="path"/>
+    <sensor type="thinlens">
+        <float name="fov" value="40"/><float name="aperture_radius" value="0.1"/>
+        <float name="focus_distance" value="3"/>
+        <film type="hdrfilm"><integer name="width" value="24"/><integer name="height" value="16"/></film>
+    </sensor>
+    <shape type="sphere">
+        <point name="center" x="0" y="0" z="4"/>
+        <emitter type="area"><rgb name="radiance" value="1, 2, 3"/></emitter>
+    </shape>
+</scene>
+"""
+
+
+def test_takes_loaded_scenes_dictionaries_and_files(tmp_path):
+    path = tmp_path / "scene.xml"
+    path.write_text(XML)
+    scene = {
+        "type": "scene",
+        "integrator": {"type": "path"},
+        "camera": {
+            "type": "thinlens",
+            "fov": 40.0,
+            "aperture_radius": 0.1,
+            "focus_distance": 3.0,
+            "film": {"type": "hdrfilm", "width": 24, "height": 16},
+        },
+        "ball": {"type": "sphere", "center": [0, 0, 4], **glow([1, 2, 3])},
+    }
+    expected = rgbd(scene, spp=4)
+    assert expected.depth.min() == pytest.approx(3.0, rel=1e-2)
+    for same in (mi.load_dict(scene), path, str(path)):
+        color, depth, lens = rgbd(same, spp=4)
+        np.testing.assert_allclose(depth, expected.depth, rtol=1e-5)
+        np.testing.assert_allclose(color, expected.color, rtol=1e-5)
+        assert lens == expected.lens
+
+
+def test_moved_principal_points_stay_moved():
+    capture = rgbd(words({"type": "perspective"}, principal_point_offset_x=0.25), spp=4)
+    # The picture moves to the left by a quarter of its width.
+    np.testing.assert_allclose(
+        capture.depth[:, : WIDTH // 2], shot().depth[:, WIDTH // 4 : -WIDTH // 4], rtol=1e-4
+    )
+    assert capture.lens.principal_point[0] == pytest.approx(-0.25)
+
+
+def test_margins_and_finer_pixels_show_the_same():
+    scene = words({"type": "perspective"}, principal_point_offset_y=0.1)
+    wide, plain = rgbd(scene, spp=1, overscan=5, supersample=3), rgbd(scene, spp=1)
+    assert wide.depth.shape == (3 * (HEIGHT + 10), 3 * (WIDTH + 10))
+    np.testing.assert_allclose(wide.depth[1::3, 1::3][5:-5, 5:-5], plain.depth, rtol=1e-4)
+    assert wide.render().shape == (HEIGHT, WIDTH, 3)
+
+
+def check_layers(capture):
+    """Check that the nearest surface is first, solids have no insides, and no surface is there twice."""
+    middle = np.s_[:, HEIGHT // 2, WIDTH // 2]
+    np.testing.assert_allclose(capture.depth[middle], [2.5, 5.5, 9.0, np.inf], rtol=2e-3)
+    np.testing.assert_allclose(capture.color[middle][:, 3], [1, 1, 1, 0])
+    np.testing.assert_allclose(
+        capture.color[middle][:3, :3], [[3, 1, 1], [1, 2, 1], [0.2, 0.4, 0.6]], rtol=1e-5
+    )
+    assert np.isinf(capture.depth[1:, 0, 0]).all()
+    np.testing.assert_allclose(capture.depth[0], shot().depth, rtol=1e-4)
+
+
+def test_layers():
+    capture = rgbd(words(), spp=2, layers=4)
+    check_layers(capture)
+    assert capture.render().shape == (HEIGHT, WIDTH, 4)
+
+
+@pytest.mark.skipif(
+    find_llvm() is None, reason="no LLVM that Mitsuba can use is installed (Debian: libllvm19)"
+)
+def test_vectorised_variants_give_the_same():
+    choose_variant("llvm_ad_rgb")
+    check_layers(rgbd(words(), spp=2, layers=4))
+    np.testing.assert_allclose(rgbd(words(), spp=1).depth, shot().depth, rtol=1e-4)
+
+
+def test_the_sky_is_a_layer_at_infinity():
+    scene = words() | {"sky": {"type": "constant", "radiance": 0.5}}
+    del scene["wall"]
+    capture = rgbd(scene, spp=2, layers=3)
+    assert np.isinf(capture.depth[0, 0, 0])
+    np.testing.assert_allclose(capture.color[0, 0, 0], [0.5, 0.5, 0.5, 1.0], rtol=1e-5)
+    np.testing.assert_allclose(capture.color[2, HEIGHT // 2, WIDTH // 2], [0.5, 0.5, 0.5, 1.0], rtol=1e-5)
+    np.testing.assert_allclose(capture.color[1:, 0, 0], 0.0)
+    if find_llvm():
+        choose_variant("llvm_ad_rgb")
+        vectorised = rgbd(scene, spp=2, layers=3)
+        np.testing.assert_allclose(vectorised.color[0, 0, 0], [0.5, 0.5, 0.5, 1.0], rtol=1e-5)
+
+
+@cache
+def comparison():
+    return compare(words(aperture_radius=0.6), spp=200, pinhole_spp=16)
+
+
+def test_compare_measures_against_the_thin_lens():
+    found = comparison()
+    inside = {"border": found.border, "mask": found.masks["near edges"]}
+    assert found.distances["near edges"].psnr == metrics.psnr(found.picture, found.reference, **inside)
+    # Through a lens focused elsewhere it is farther from the reference.
+    other = found.capture.render(found.capture.lens.replace(focus_distance=9.0))
+    apart = metrics.psnr(other, found.reference, border=found.border)
+    assert found.distances["overall"].psnr > apart + 5.0
+    assert found.noise.psnr > found.distances["overall"].psnr
+    assert all(seconds > 0.0 for seconds in found.seconds.values())
+
+
+def test_compare_prints_and_plots():
+    found = comparison()
+    lines = str(found).splitlines()
+    assert f"{found.distances['overall'].psnr:.2f}" in lines[1]
+    assert lines[-1].startswith("dofsim ")
+    assert len(found.plot().axes) == 5
+
+
+@pytest.mark.parametrize(
+    ("call", "words_of_error"),
+    [
+        (lambda: rgbd(words(), spp=0), "spp"),
+        (lambda: rgbd(words(), layers=0), "layers"),
+        (lambda: rgbd(words(), sensor=1), "sensor"),
+        (lambda: rgbd(words(film={"type": "hdrfilm", "width": 48, "height": 36, "crop_width": 20})), "crop"),
+        (lambda: rgbd({"type": "scene", "camera": {"type": "orthographic"}}), "thinlens"),
+        (lambda: compare(words({"type": "perspective"})), "thinlens"),
+        (lambda: compare(words(), spp=1), "spp"),
+    ],
+)
+def test_bad_values_are_named(call, words_of_error):
+    with pytest.raises(ValueError, match=words_of_error):
+        call()
+
+
+def test_what_is_no_scene_is_refused():
+    with pytest.raises(TypeError, match="scene"):
+        rgbd(3)
+
+
+def test_other_variants_are_refused():
+    choose_variant("scalar_spectral")
+    with pytest.raises(ValueError, match="scalar_spectral"):
+        rgbd({"type": "scene"})
+
+
+def test_without_mitsuba_the_error_says_what_to_install():
+    code = "import sys; sys.modules['mitsuba'] = None; import dofsim.mitsuba"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert "pip install dofsim[mitsuba]" in result.stderr
