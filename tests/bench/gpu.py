@@ -1,8 +1,8 @@
 """How fast an adapter is: every method, as a table for the documentation.
 
 Run this file on a machine with a GPU, with the dependency group `bench`. Times are medians over some runs: on
-the device as its own timestamps have them, also as a multiple of what copying the picture takes there, and from NumPy
-arrays to NumPy arrays with the scene prepared and with everything anew. For comparison, the same on the CPU.
+the device as its own timestamps have them, also as a multiple of what copying the picture takes there; with the
+scene prepared, from and to NumPy arrays; with everything anew; and for comparison, the same on the CPU.
 """
 
 import argparse
@@ -20,7 +20,8 @@ SIZES = {"1080p": (1920, 1080), "4K": (3840, 2160), "small": (192, 108)}
 CASES = [("1080p", 4), ("1080p", 16), ("1080p", 64), ("4K", 16)]
 
 HEADER = (
-    "| method | size | radius | on the device | copies | prepared scene | from NumPy | CPU | CPU / prepared |\n"
+    "| method | size | radius | on the device | copies | prepared scene | from NumPy | CPU "
+    "| CPU / prepared |\n"
     "|---|---|---:|---:|---:|---:|---:|---:|---:|\n"
 )
 
@@ -49,7 +50,7 @@ def device_ms(runs, scene, lens, method):
 def measured(runs, color, depth, lens, device, method):
     """Measure one method on one scene, as the columns of the table."""
     scene = dofsim.Scene(color, depth, device=device)
-    # The first renders compile the shaders and take the scene to the device. Where all is in focus, the picture is copied.
+    # The first renders compile the shaders and take the scene to the device. What is in focus is copied.
     closed = lens.replace(aperture_radius=0.0)
     scene.render(closed)
     copy = device_ms(runs, scene, closed, "lens")
