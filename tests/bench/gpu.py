@@ -1,7 +1,7 @@
 """How fast an adapter is: every method, as a table for the documentation.
 
 Run this file on a machine with a GPU, with the dependency group `bench`. Times are medians over some runs: on
-the device as its own timestamps have them, also as a multiple of what copying the picture takes there; with the
+the device as its own timestamps have them, also as a multiple of what copying the picture takes; with the
 scene prepared, from and to NumPy arrays; with everything anew; and for comparison, the same on the CPU.
 """
 
