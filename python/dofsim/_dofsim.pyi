@@ -25,8 +25,10 @@ __all__ = [
     "read_exr",
     "read_raster",
     "render",
+    "restrict_devices",
     "sensors",
     "simd_available",
+    "uploaded_bytes",
     "write_bytes",
     "write_exr",
     "write_pfm",
@@ -740,8 +742,12 @@ def render(
     **options: Unpack[_SpritesOptions],
 ) -> NDArray[_Sample]: ...
 def methods_available() -> list[str]: ...
+def restrict_devices(
+    *, max_binding_bytes: int | None = None, blending: Literal["float32", "none"] = "float32"
+) -> None: ...
 def sensors() -> list[tuple[str, float, float]]: ...
 def simd_available() -> list[Literal["portable", "avx2", "avx512"]]: ...
+def uploaded_bytes() -> int: ...
 
 # Files; `dofsim.io` is the public face of these.
 

@@ -4,26 +4,31 @@
 @group(0) @binding(5) var<storage, read> second: array<Texel>;
 @group(0) @binding(6) var<storage, read_write> picture: array<f32>;
 
-fn texel_at(target_index: u32, at: vec2<i32>) -> Texel {
-    let i = frame_index(at);
+fn parts_of(target_index: u32, i: u32) -> vec4<f32> {
     if target_index == 0u {
-        return first[i];
+        return first[i].parts;
     }
-    return second[i];
+    return second[i].parts;
 }
 
 fn near_radius(target_index: u32, at: vec2<i32>, coc: f32) -> f32 {
-    return texel_at(target_index, at).parts.y;
+    return parts_of(target_index, frame_index(at)).y;
 }
 
 fn near_light(target_index: u32, at: vec2<i32>, coc: f32) -> Near {
-    let texel = texel_at(target_index, at);
-    return Near(texel.near, texel.parts.x);
+    let i = frame_index(at);
+    if target_index == 0u {
+        return Near(first[i].near, first[i].parts.x);
+    }
+    return Near(second[i].near, second[i].parts.x);
 }
 
 fn rest_light(target_index: u32, at: vec2<i32>, coc: f32) -> Rest {
-    let texel = texel_at(target_index, at);
-    return Rest(texel.rest, texel.parts.z);
+    let i = frame_index(at);
+    if target_index == 0u {
+        return Rest(first[i].rest, first[i].parts.z);
+    }
+    return Rest(second[i].rest, second[i].parts.z);
 }
 
 // The layers put together.

@@ -18,19 +18,25 @@ fn sum_up_to(row: u32, x: f32) -> Light {
 // of it.
 fn around(at: vec2<u32>, radius: f32) -> Light {
     let half = radius * 0.886226925;
-    let centre = vec2<f32>(at) + 0.5;
-    let first = max(centre - half, vec2(0.0));
-    let end = min(centre + half, vec2<f32>(params.size));
+    let centre = f32(at.x) + 0.5;
+    let left = max(centre - half, 0.0);
+    let right = min(centre + half, f32(params.size.x));
+    let rows = i32(ceil(half - 0.5));
     var sum = Light();
-    for (var row = u32(first.y); f32(row) < end.y; row++) {
-        let down = min(f32(row) + 1.0, end.y) - max(f32(row), first.y);
-        let left = sum_up_to(row, first.x);
-        let right = sum_up_to(row, end.x);
-        sum.color += down * (right.color - left.color);
-        sum.coverage += down * (right.coverage - left.coverage);
+    var down = 0.0;
+    for (var dy = -rows; dy <= rows; dy++) {
+        let y = i32(at.y) + dy;
+        if y < 0 || y >= i32(params.size.y) {
+            continue;
+        }
+        let part = min(f32(dy) + 0.5, half) - max(f32(dy) - 0.5, -half);
+        let before = sum_up_to(u32(y), left);
+        let all = sum_up_to(u32(y), right);
+        sum.color += part * (all.color - before.color);
+        sum.coverage += part * (all.coverage - before.coverage);
+        down += part;
     }
-    let extent = end - first;
-    let share = 1.0 / (extent.x * extent.y);
+    let share = 1.0 / (down * (right - left));
     // Differences of sums leave a rounding error where nothing is seen.
     if share * sum.coverage < 1e-6 {
         return Light();

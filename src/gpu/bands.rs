@@ -4,8 +4,6 @@
 //! is taken for the border there reaches no row of the band. Bands begin where tiles, blocks and the pixels of smaller
 //! targets do, and give the same bits as the whole frame.
 
-use super::device::Gpu;
-use crate::error::Result;
 use crate::picture::Size;
 use std::ops::Range;
 
@@ -41,16 +39,16 @@ pub struct Band {
     pub read: Range<usize>,
 }
 
-/// The bands of a frame, of `step` rows or a multiple of that. `source` says which rows of what the method renders come
-/// out at some rows.
+/// The bands of a frame for buffers of at most so many bytes, each of `step` rows or a multiple of that. `source` says
+/// which rows of what the method renders come out at some rows. An error is the bytes that a band needs at least.
 pub fn split(
-    gpu: &Gpu,
+    most_bytes: usize,
     size: Size,
     layers: usize,
     need: Need,
     step: usize,
     source: impl Fn(Range<usize>) -> Range<usize>,
-) -> Result<Vec<Band>> {
+) -> Result<Vec<Band>, usize> {
     let bytes_per_px = need.bytes_per_px.max(size_of::<f32>() * size.channels * layers);
     let alignment = ALIGNMENT.max(need.block_px);
     let read = |rows: &Range<usize>| {
@@ -61,19 +59,53 @@ pub fn split(
     let bytes = |read: &Range<usize>| {
         (size.width + 2 * need.around_px + 1) * (read.len() + 2 * need.around_px) * bytes_per_px
     };
-    let most = gpu.most_bytes() as usize;
     let whole = 0..size.height;
-    if bytes(&whole) <= most {
+    if bytes(&whole) <= most_bytes {
         return Ok(vec![Band { rows: whole.clone(), read: whole }]);
     }
     let mut bands: Vec<Band> = Vec::new();
     while let Some(first) = Some(bands.last().map_or(0, |band| band.rows.end)).filter(|y| *y < size.height) {
         let ends = (first + step..=size.height).step_by(step);
-        let fitting = ends.take_while(|&end| bytes(&read(&(first..end))) <= most).last();
+        let fitting = ends.take_while(|&end| bytes(&read(&(first..end))) <= most_bytes).last();
         let least = first..first + step;
-        let end =
-            fitting.ok_or_else(|| gpu.too_large("a band of the picture", bytes(&read(&least)) as u64))?;
+        let end = fitting.ok_or_else(|| bytes(&read(&least)))?;
         bands.push(Band { rows: first..end, read: read(&(first..end)) });
     }
     Ok(bands)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: Size = Size { width: 100, height: 1500, channels: 3 };
+
+    fn bands(most_bytes: usize, reach_px: usize, step: usize) -> Result<Vec<Band>, usize> {
+        let need = Need { bytes_per_px: 16, block_px: 2, ..Need::reaching(reach_px) };
+        split(most_bytes, SIZE, 1, need, step, |rows| rows)
+    }
+
+    #[test]
+    fn bands_follow_one_another_and_read_all_that_they_need() {
+        for (reach, step) in [(0, 1), (7, 3), (40, 1), (100, 5)] {
+            let bands = bands(800_000, reach, step).unwrap();
+            assert!(bands.len() > 2);
+            let mut end = 0;
+            for Band { rows, read } in bands {
+                assert_eq!(rows.start, end);
+                assert!(rows.len().is_multiple_of(step) && read.start.is_multiple_of(ALIGNMENT));
+                assert!(read.start <= rows.start.saturating_sub(reach));
+                assert!(read.end >= (rows.end + reach).min(SIZE.height));
+                assert!(read.len() * (SIZE.width + 1) * 16 <= 800_000);
+                end = rows.end;
+            }
+            assert_eq!(end, SIZE.height);
+        }
+    }
+
+    #[test]
+    fn what_fits_is_in_one_piece_and_what_never_fits_tells_its_size() {
+        assert_eq!(bands(1 << 30, 5, 1).unwrap(), [Band { rows: 0..1500, read: 0..1500 }]);
+        assert_eq!(bands(1000, 5, 1).unwrap_err(), 64 * 101 * 16);
+    }
 }

@@ -5,6 +5,7 @@ use super::shader::Shader;
 use crate::error::{Error, Result};
 use bytemuck::Pod;
 use std::collections::HashMap;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// What is open, by process and adapter.
@@ -32,6 +33,42 @@ pub struct Gpu {
 /// The adapters that are open. Those of a parent process stay, because a forked child must not
 /// free them.
 static OPEN: Mutex<Option<Open>> = Mutex::new(None);
+
+/// What devices may have at most.
+#[derive(Debug, Clone, Copy)]
+pub struct Restrictions {
+    /// The largest buffer that a pass can have.
+    pub most_bytes: u64,
+    /// What they can do beyond what all can.
+    pub features: wgpu::Features,
+}
+
+impl Restrictions {
+    /// Nothing is restricted.
+    pub const NONE: Restrictions = Restrictions {
+        most_bytes: u64::MAX,
+        features: wgpu::Features::TIMESTAMP_QUERY.union(wgpu::Features::FLOAT32_BLENDABLE),
+    };
+}
+
+static RESTRICTIONS: Mutex<Restrictions> = Mutex::new(Restrictions::NONE);
+
+/// Opens devices of this process anew, with these restrictions: for tests of what smaller ones do.
+pub fn restrict(restrictions: Restrictions) {
+    *lock(&RESTRICTIONS) = restrictions;
+    let process = std::process::id();
+    if let Some(open) = lock(&OPEN).as_mut() {
+        open.retain(|(of, _), _| *of != process);
+    }
+}
+
+/// Bytes that were taken to devices so far.
+static UPLOADED: AtomicU64 = AtomicU64::new(0);
+
+/// Bytes that this process has taken to devices.
+pub fn uploaded_bytes() -> u64 {
+    UPLOADED.load(Ordering::Relaxed)
+}
 
 pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     // What a poisoned lock holds is whole or absent.
@@ -63,11 +100,12 @@ impl Gpu {
     }
 
     fn new(index: usize, adapter: &Adapter) -> Result<Gpu> {
-        let limits = adapter.handle.limits();
+        let Restrictions { most_bytes, features } = *lock(&RESTRICTIONS);
+        let mut limits = adapter.handle.limits();
+        limits.max_storage_buffer_binding_size = limits.max_storage_buffer_binding_size.min(most_bytes);
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("dofsim"),
-            required_features: adapter.handle.features()
-                & (wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::FLOAT32_BLENDABLE),
+            required_features: adapter.handle.features() & features,
             required_limits: limits.clone(),
             ..Default::default()
         };
@@ -177,6 +215,7 @@ impl Gpu {
         usage: wgpu::BufferUsages,
     ) -> Result<wgpu::Buffer> {
         let buffer = self.new_buffer(what, bytes.len(), usage, true)?;
+        UPLOADED.fetch_add(bytes.len() as u64, Ordering::Relaxed);
         let mut mapped = buffer.get_mapped_range_mut(..).map_err(|error| self.error(error))?;
         mapped.slice(..bytes.len()).copy_from_slice(bytes);
         drop(mapped);

@@ -27,6 +27,7 @@ mod taps;
 #[cfg(test)]
 mod tests;
 
+pub use device::{Restrictions, restrict, uploaded_bytes};
 pub use resident::Residence;
 
 use crate::cancel::Cancel;
@@ -112,9 +113,11 @@ impl<'a> Exposure<'a> {
         let mut exposure = Exposure { job, imaging, picture, sources, clip, bands: Vec::new() };
         let need = exposure.need()?;
         let Picture { size, layers } = &*exposure.picture;
-        exposure.bands = bands::split(job.gpu, *size, layers.len(), need, scene.supersample, |rows| {
+        let most = job.gpu.most_bytes() as usize;
+        exposure.bands = bands::split(most, *size, layers.len(), need, scene.supersample, |rows| {
             exposure.sources.as_ref().map_or(rows.clone(), |sources| sources.of_rows(rows))
-        })?;
+        })
+        .map_err(|bytes| job.gpu.too_large("a band of the picture", bytes as u64))?;
         Ok(exposure)
     }
 

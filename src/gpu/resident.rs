@@ -204,7 +204,7 @@ impl Residence {
     ) -> Result<Arc<Table>> {
         let fits = |own: &SpritesOnDevice| Arc::ptr_eq(&own.gpu, gpu) && own.table.holds(settings, steps);
         let make = || {
-            let table = Arc::new(Table::new(gpu, settings, steps.clone())?);
+            let table = Arc::new(Table::new(gpu, settings, steps)?);
             Ok(SpritesOnDevice { gpu: Arc::clone(gpu), table })
         };
         Ok(Arc::clone(&self.sprites.get(1, fits, make)?.table))

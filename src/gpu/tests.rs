@@ -1,5 +1,5 @@
 //! What goes wrong on a device is an error, after which the next call works. Nothing is tested where there is no
-//! adapter; `tests/test_devices.py` counts what runs.
+//! adapter; `tests/conftest.py` counts what runs.
 
 use super::adapters;
 use super::commands::Commands;

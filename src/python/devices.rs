@@ -1,7 +1,8 @@
 //! `dofsim.devices`, and the words that name a device.
 
+use super::errors::choice;
 use crate::device::Device;
-use crate::gpu::adapters;
+use crate::gpu::{self, Restrictions, adapters};
 use pyo3::prelude::*;
 
 /// The environment variable that says what "auto" and "gpu" stand for.
@@ -73,4 +74,33 @@ pub fn devices(py: Python<'_>) -> Vec<PyDevice> {
 pub fn read_device(py: Python<'_>, name: &str) -> PyResult<Device> {
     let preset = std::env::var(VARIABLE).ok().filter(|preset| !preset.is_empty());
     Ok(py.detach(|| Device::named(name, preset.as_deref()))?)
+}
+
+/// Open devices anew with no more than this, until the next call: for tests of what smaller devices do.
+///
+/// Parameters
+/// ----------
+/// max_binding_bytes : int, optional
+///     How much of a buffer one pass can see; by default what the adapter allows.
+/// blending : {"float32", "none"}, optional
+///     Whether floats of 32 bits are blended, where the adapter can (default), or not.
+#[pyfunction]
+#[pyo3(signature = (*, max_binding_bytes=None, blending="float32"))]
+pub fn restrict_devices(max_binding_bytes: Option<u64>, blending: &str) -> PyResult<()> {
+    let none = Restrictions::NONE;
+    let without_blending = none.features.difference(wgpu::Features::FLOAT32_BLENDABLE);
+    let features = choice("blending", blending, &[("float32", none.features), ("none", without_blending)])?;
+    gpu::restrict(Restrictions { most_bytes: max_binding_bytes.unwrap_or(none.most_bytes), features });
+    Ok(())
+}
+
+/// How much this process has taken to devices so far.
+///
+/// Returns
+/// -------
+/// int
+///     Bytes.
+#[pyfunction]
+pub fn uploaded_bytes() -> u64 {
+    gpu::uploaded_bytes()
 }

@@ -21,7 +21,7 @@ pub mod _dofsim {
     #[pymodule_export]
     use super::aperture::PyAperture;
     #[pymodule_export]
-    use super::devices::{PyDevice, devices};
+    use super::devices::{PyDevice, devices, restrict_devices, uploaded_bytes};
     #[pymodule_export]
     use super::errors::DeviceError;
     #[pymodule_export]

@@ -81,8 +81,8 @@ impl Frame {
 ///     How to compute; see the notes. All but ``"lens"`` take one layer and are for speed or for their own looks.
 /// device : str, optional
 ///     Where to compute: ``"cpu"``, ``"gpu"``, one of `devices` by its ``id`` or its name, or ``"auto"`` (default): a
-///     GPU if there is one, for the methods and lenses that have a GPU path, else the CPU. A software rasteriser is
-///     used only if it is named. The environment variable ``DOFSIM_DEVICE`` says what ``"auto"`` and ``"gpu"`` stand for.
+///     GPU if there is one, else the CPU. A software rasteriser is used only if it is named. The environment variable
+///     ``DOFSIM_DEVICE`` says what ``"auto"`` and ``"gpu"`` stand for.
 /// aperture : Aperture, optional
 ///     Shape of the opening; a disc if not given. Methods that cannot draw another shape refuse it.
 /// depth_kind : str, optional

@@ -8,7 +8,7 @@ use super::blocks::BLOCK;
 use super::colors::{Colors, Own};
 use super::kernels::{self, Kernels};
 use super::pack::{self, Packed, Padding, TILE};
-use super::sheets::Sheets;
+use super::sheets::{Sheet, Sheets};
 use super::sweep::TileColor;
 use super::tiles::{IN_FOCUS_PX, Tile};
 use crate::cpu::simd::Simd;
@@ -169,20 +169,22 @@ fn add_row(row: &[f32], width: usize, lights: usize, blocks: &mut [(Light, f32)]
     }
 }
 
-/// The highlights of a scene, and for each sheet the colours of their cells without them. Each highlight is taken for
-/// one that may be hidden in part.
-pub fn extract(
-    sheets: &Sheets,
-    padding: &Padding,
-    s_focus: f64,
-    simd: Simd,
-) -> (Vec<Highlight>, Vec<Vec<Own>>) {
+/// A cell that stands out, whatever is in focus.
+#[derive(Clone, Copy)]
+pub struct Bright {
+    index: usize,
+    /// Its colour without the light above its surroundings.
+    dim: [f32; 4],
+    /// That light, of the part of the pixel that the cell covers.
+    excess: [f32; 4],
+}
+
+/// The cells of each sheet that stand out.
+pub fn find(sheets: &Sheets, simd: Simd) -> Vec<Vec<Bright>> {
     let size = sheets.size;
     let lights = light_channels(size);
     let front = Surroundings::new(size, &sheets.sheets[0].colors, simd);
-    let mut highlights = Vec::new();
-    let mut all_dimmed = Vec::new();
-    for (i, sheet) in sheets.sheets.iter().enumerate() {
+    let of_sheet = |(i, sheet): (usize, &Sheet)| {
         // A real layer has surroundings of its own: the one in front may be dark, or hardly there.
         let own = (i > 0 && !sheet.colors.is_list()).then(|| Surroundings::new(size, &sheet.colors, simd));
         let brighter = |b: usize| match &own {
@@ -191,9 +193,7 @@ pub fn extract(
         };
         let stands_out = |&index: &usize| {
             let bright = brightness(&sheet.colors.at(index), lights);
-            let b = front.block_of(index);
-            // An empty cell has a shift of NaN, which compares false.
-            bright > brighter(b).limit[b] && (f64::from(sheet.s[index]) - s_focus).abs() > IN_FOCUS_PX
+            bright > brighter(front.block_of(index)).limit[front.block_of(index)]
         };
         let found: Vec<usize> = if sheet.colors.is_list() {
             let cells = sheet.colors.own(0..size.pixels()).par_iter().map(|cell| cell.index);
@@ -204,33 +204,51 @@ pub fn extract(
                 (0..brightest.len()).into_par_iter().filter(|&b| brightest[b] > brighter(b).limit[b]);
             blocks.flat_map_iter(|b| front.cells(b)).filter(stands_out).collect()
         };
-        let mut dimmed = Vec::with_capacity(found.len());
-        for index in found {
+        let bright = |index: usize| {
             let b = front.block_of(index);
             let (color, around) = (sheet.colors.at(index), brighter(b).around(b));
-            let excess: [f32; 4] =
-                std::array::from_fn(
-                    |c| {
-                        if c < lights { (color[c] - around[c].max(0.0)).max(0.0) } else { 0.0 }
-                    },
-                );
-            dimmed.push(Own { index, color: std::array::from_fn(|c| color[c] - excess[c]) });
+            let above = |c: usize| (color[c] - around[c].max(0.0)).max(0.0);
+            let excess: [f32; 4] = std::array::from_fn(|c| if c < lights { above(c) } else { 0.0 });
             let area = match sheet.partial.binary_search_by_key(&index, |p| p.0) {
                 Ok(i) => sheet.partial[i].1.area,
                 Err(_) => 1.0,
             };
+            let dim = std::array::from_fn(|c| color[c] - excess[c]);
+            Bright { index, dim, excess: excess.map(|e| area * e) }
+        };
+        found.into_iter().map(bright).collect()
+    };
+    sheets.sheets.iter().enumerate().map(of_sheet).collect()
+}
+
+/// The highlights of a scene under one focus, and for each sheet the colours of their cells without them. Each highlight
+/// is taken for one that may be hidden in part.
+pub fn extract(
+    sheets: &Sheets,
+    padding: &Padding,
+    s_focus: f64,
+    simd: Simd,
+) -> (Vec<Highlight>, Vec<Vec<Own>>) {
+    let mut highlights = Vec::new();
+    let of_sheet = |(sheet, bright): (&Sheet, &Vec<Bright>)| {
+        let mut dimmed = Vec::with_capacity(bright.len());
+        for &Bright { index, dim, excess } in bright {
             let t = f64::from(sheet.s[index]) - s_focus;
-            let excess = excess.map(|e| area * e);
-            highlights.extend(images(padding, index, t).map(|(x, y)| Highlight {
-                x,
-                y,
-                t,
-                excess,
-                hidden_in_part: true,
-            }));
+            // An empty cell has a shift of NaN, which compares false.
+            if t.abs() > IN_FOCUS_PX {
+                dimmed.push(Own { index, color: dim });
+                highlights.extend(images(padding, index, t).map(|(x, y)| Highlight {
+                    x,
+                    y,
+                    t,
+                    excess,
+                    hidden_in_part: true,
+                }));
+            }
         }
-        all_dimmed.push(dimmed);
-    }
+        dimmed
+    };
+    let all_dimmed = sheets.sheets.iter().zip(&*sheets.bright(simd)).map(of_sheet).collect();
     (highlights, all_dimmed)
 }
 

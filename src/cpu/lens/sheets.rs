@@ -7,6 +7,7 @@ use super::blocks::Blocks;
 use super::cells::{self, Codes, Depths};
 use super::colors::{Colors, Own};
 use super::fill;
+use super::highlights::{self, Bright};
 use super::surfaces;
 use super::unmix::{Frame, HalfPlane, Mixed, unmix};
 use crate::cancel::Cancel;
@@ -16,7 +17,7 @@ use crate::memory::Buffer;
 use crate::picture::{Layer, Picture, Size};
 use rayon::prelude::*;
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// One cell a pixel at most. Sheets of single channels share all but the colours.
 pub struct Sheet {
@@ -48,6 +49,8 @@ pub struct Sheets {
     pub depths: Arc<Vec<Depths>>,
     /// What the blocks of the frame hold.
     pub blocks: Arc<Blocks>,
+    /// The cells that stand out, once they have been asked for.
+    bright: OnceLock<Arc<Vec<Vec<Bright>>>>,
 }
 
 impl Sheets {
@@ -57,7 +60,18 @@ impl Sheets {
         let depths: Vec<_> =
             (0..sheets.len()).map(|sheet| Depths::new(&sheets, size, sheet, &codes, simd)).collect();
         let blocks = Blocks::new(size, &depths, &codes, &sheets[0].links, simd);
-        Sheets { size, sheets, opaque, shifts, codes, depths: Arc::new(depths), blocks: Arc::new(blocks) }
+        let (depths, blocks) = (Arc::new(depths), Arc::new(blocks));
+        Sheets { size, sheets, opaque, shifts, codes, depths, blocks, bright: OnceLock::new() }
+    }
+
+    /// The cells of each sheet that stand out.
+    pub fn bright(&self, simd: Simd) -> Arc<Vec<Vec<Bright>>> {
+        // Not found inside the lock: workers that wait for one another there could wait for themselves.
+        let found = self.bright.get().map(Arc::clone);
+        found.unwrap_or_else(|| {
+            let found = Arc::new(highlights::find(self, simd));
+            Arc::clone(self.bright.get_or_init(|| found))
+        })
     }
 
     /// The same cells with these channels of their colours.
@@ -76,6 +90,7 @@ impl Sheets {
             codes: self.codes,
             depths: Arc::clone(&self.depths),
             blocks: Arc::clone(&self.blocks),
+            bright: OnceLock::new(),
         }
     }
 }
@@ -111,6 +126,7 @@ impl Sheets {
             codes: self.codes,
             depths: Arc::new(depths.collect()),
             blocks: Arc::new(self.blocks.rows(rows)),
+            bright: OnceLock::new(),
         }
     }
 }

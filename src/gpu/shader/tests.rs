@@ -141,7 +141,8 @@ fn translate(shader: &Shader, module: &Module, info: &ModuleInfo, channels: usiz
     hlsl::Writer::new(&mut text, &options, &pipeline)
         .write(&module, &info, None)
         .unwrap_or_else(|error| panic!("{} to HLSL: {error}", shader.name));
-    let options = msl::Options { fake_missing_bindings: true, ..Default::default() };
+    // Metal 2 is the least that has numbers of instances for indirect draws.
+    let options = msl::Options { fake_missing_bindings: true, lang_version: (2, 0), ..Default::default() };
     msl::write_string(&module, &info, &options, &msl::PipelineOptions::default())
         .unwrap_or_else(|error| panic!("{} to Metal: {error}", shader.name));
 }

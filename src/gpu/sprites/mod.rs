@@ -106,6 +106,15 @@ struct Light {
     coverage: wgpu::Buffer,
 }
 
+impl Light {
+    fn new(commands: &mut Commands, values: usize) -> Result<Light> {
+        Ok(Light {
+            color: commands.scratch::<[f32; 4]>("the light of sprites", values)?,
+            coverage: commands.scratch::<f32>("the coverage of sprites", values)?,
+        })
+    }
+}
+
 /// A layer that sprites are drawn into.
 #[derive(Debug, Clone, Copy)]
 enum Depth {
@@ -162,18 +171,9 @@ pub fn render(
 
     let on_all = groups(size.width, size.height);
     let input = [Read(&scene.color), Read(&scene.disparity)];
-    let none;
-    let light = match &behind {
-        Some(light) => light,
-        None => {
-            none = Light {
-                color: commands.scratch::<[f32; 4]>("no light", 1)?,
-                coverage: commands.scratch::<f32>("no light", 1)?,
-            };
-            &none
-        }
-    };
-    let buffers = [input[0], input[1], Read(&light.color), Read(&light.coverage), Write(&picture)];
+    // Where there is nothing behind, its light is never looked at.
+    let behind = behind.map_or_else(|| Light::new(commands, 1), Ok)?;
+    let buffers = [input[0], input[1], Read(&behind.color), Read(&behind.coverage), Write(&picture)];
     commands.pass(&BEHIND, size.channels, &params, &buffers, on_all)?;
     if let Some(light) = &in_front {
         let sums = (size.width + 1) * size.height;
@@ -212,19 +212,12 @@ impl Points<'_> {
             return Ok([None, None]);
         }
         let targets = Targets::new(commands.gpu, half[0], half[1]);
-        let list = match targets {
-            Some(targets) => Some((targets, self.list(commands)?)),
-            None => None,
-        };
+        let list = targets.map(|targets| Ok((targets, self.list(commands)?))).transpose()?;
         let mut layer = |depth: Depth| -> Result<Option<Light>> {
             if !wanted[depth as usize] {
                 return Ok(None);
             }
-            let values = self.params.pitch as usize * half[1];
-            let light = Light {
-                color: commands.scratch::<[f32; 4]>("the light of sprites", values)?,
-                coverage: commands.scratch::<f32>("the coverage of sprites", values)?,
-            };
+            let light = Light::new(commands, self.params.pitch as usize * half[1])?;
             match &list {
                 Some((targets, list)) => self.draw(commands, depth, targets, list, &light),
                 None => self.gather(commands, depth, &light),

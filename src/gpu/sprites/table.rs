@@ -10,6 +10,9 @@ use std::ops::RangeInclusive;
 /// Sprites for even and odd columns, of even rows and of odd ones.
 const OF_STEP: usize = 4;
 
+/// Steps that are made together.
+const MORE: i32 = 16;
+
 shared! {
     #[derive(Default)]
     pub struct Sprite {
@@ -31,7 +34,11 @@ pub struct Table {
 }
 
 impl Table {
-    pub fn new(gpu: &Gpu, settings: &Settings, steps: RangeInclusive<i32>) -> Result<Table> {
+    /// The sprites of these steps, and of some more, which another focus may ask for.
+    pub fn new(gpu: &Gpu, settings: &Settings, steps: &RangeInclusive<i32>) -> Result<Table> {
+        let (first, last) = (steps.start().div_euclid(MORE), steps.end().div_euclid(MORE));
+        let largest = step(settings.max_coc_px() as f32);
+        let steps = (MORE * first).max(-largest)..=(MORE * (last + 1)).min(largest);
         // What is below the threshold is not drawn.
         let least = step(settings.threshold_px() as f32);
         let made: Vec<Vec<plan::Sprite>> = steps
@@ -49,7 +56,6 @@ impl Table {
                 let (across, down) = (across as u32, sprite.down() as u32);
                 Sprite { left: sprite.left, top: sprite.top, across, down, first }
             }));
-            heads.resize(heads.len().next_multiple_of(OF_STEP), Sprite::default());
             if sprites.is_empty() {
                 heads.extend([Sprite::default(); OF_STEP]);
             }
