@@ -5,7 +5,6 @@ time: it is for the kernel, or for a frame that answers the newest request.
 """
 
 import base64
-import contextlib
 import io
 import json
 import os
@@ -340,5 +339,3 @@ def test_pictures_say_what_they_show(notebook):
     assert "focused at 6 m" in alt
     assert "focused at 6 m" in notebook.root.locator("[role=status]").inner_text()
     assert notebook.stage.get_attribute("aria-label")
-    with contextlib.suppress(KeyError):
-        notebook.page.screenshot(path=os.environ["DOFSIM_SCREENSHOT"])
