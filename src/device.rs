@@ -1,28 +1,14 @@
 //! Where to compute.
 
 use crate::error::{Error, Result, value_error};
-use crate::gpu;
 use crate::gpu::adapters::{self, Adapter, Kind};
-use crate::optics::Imaging;
-use crate::render::Method;
 
 /// A device as a caller chose it. Adapters are numbered as [`adapters::all`] lists them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Device {
     /// The CPU.
     Cpu,
-    /// An adapter, which a caller insists on.
-    Gpu(usize),
-    /// An adapter for the methods and lenses that have a GPU path, the CPU for the others.
-    Either(usize),
-}
-
-/// Where one method is computed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Place {
-    /// On the CPU.
-    Cpu,
-    /// On an adapter.
+    /// An adapter.
     Gpu(usize),
 }
 
@@ -39,25 +25,15 @@ impl Device {
             )),
             ("auto", None | Some("auto")) if !adapters::may_have_gpu() => Ok(Device::Cpu),
             ("auto", None | Some("auto")) => {
-                Ok(adapters::best(&adapters::all()).map_or(Device::Cpu, Device::Either))
+                Ok(adapters::best(&adapters::all()).map_or(Device::Cpu, Device::Gpu))
             }
-            ("gpu", None | Some("auto" | "gpu")) => gpu(&adapters::all()).map(Device::Gpu),
-            ("auto", Some("gpu")) => gpu(&adapters::all()).map(Device::Either),
-            ("auto", Some(word)) => {
-                adapter("the environment variable DOFSIM_DEVICE", word).map(Device::Either)
+            ("gpu", None | Some("auto" | "gpu")) | ("auto", Some("gpu")) => {
+                gpu(&adapters::all()).map(Device::Gpu)
             }
-            ("gpu", Some(word)) => adapter("the environment variable DOFSIM_DEVICE", word).map(Device::Gpu),
+            ("auto" | "gpu", Some(word)) => {
+                adapter("the environment variable DOFSIM_DEVICE", word).map(Device::Gpu)
+            }
             (word, _) => adapter("device", word).map(Device::Gpu),
-        }
-    }
-
-    /// Where a method is computed under some lenses; an error if the device cannot.
-    pub fn place(self, method: &Method, lenses: &[Imaging]) -> Result<Place> {
-        let refused = lenses.iter().find_map(|lens| gpu::refuse(method, lens).err());
-        match self {
-            Device::Gpu(adapter) => refused.map_or(Ok(Place::Gpu(adapter)), Err),
-            Device::Either(adapter) if refused.is_none() => Ok(Place::Gpu(adapter)),
-            Device::Cpu | Device::Either(_) => Ok(Place::Cpu),
         }
     }
 }

@@ -1,7 +1,182 @@
-//! Large buffers.
+//! Large buffers, whose memory one render leaves to the next: touching a fresh page costs more than the work on it.
 
-/// `n` zeros that will all be written to: in huge pages where the system has them, for a page fault costs more
-/// than the work on a page.
+use bytemuck::Pod;
+use rayon::prelude::*;
+use std::fmt;
+use std::marker::PhantomData;
+use std::ops::{Deref, DerefMut};
+use std::sync::{Mutex, MutexGuard, TryLockError};
+
+/// Values that a worker fills in at a time.
+const AT_ONCE: usize = 1 << 14;
+
+/// Plain values in memory that is kept for the next buffer of about this size.
+pub struct Buffer<T: Pod> {
+    words: Vec<u64>,
+    len: usize,
+    values: PhantomData<T>,
+}
+
+impl<T: Pod> Buffer<T> {
+    /// `len` values that mean nothing yet: each is to be written before it is read.
+    pub fn unset(len: usize) -> Buffer<T> {
+        let mut words = take((len * size_of::<T>()).div_ceil(size_of::<u64>()));
+        if cfg!(debug_assertions) {
+            // Not a number, so that tests notice what is read too early.
+            words.fill(u64::MAX);
+        }
+        Buffer { words, len, values: PhantomData }
+    }
+}
+
+impl<T: Pod + Send + Sync> Buffer<T> {
+    /// `len` times the same value.
+    pub fn full(len: usize, value: T) -> Buffer<T> {
+        let mut buffer = Buffer::unset(len);
+        buffer.par_chunks_mut(AT_ONCE).for_each(|chunk| chunk.fill(value));
+        buffer
+    }
+
+    /// Pieces one after another.
+    pub fn concat(pieces: &[&[T]]) -> Buffer<T> {
+        let mut buffer = Buffer::unset(pieces.iter().map(|piece| piece.len()).sum());
+        let mut rest = &mut *buffer;
+        for piece in pieces {
+            let (own, behind) = rest.split_at_mut(piece.len());
+            own.copy_from_slice(piece);
+            rest = behind;
+        }
+        buffer
+    }
+
+    /// One value for each of `from`.
+    pub fn of_each<A: Sync>(from: &[A], value: impl Fn(&A) -> T + Send + Sync) -> Buffer<T> {
+        let mut buffer = Buffer::unset(from.len());
+        let chunks = buffer.par_chunks_mut(AT_ONCE).zip(from.par_chunks(AT_ONCE));
+        chunks.for_each(|(out, from)| out.iter_mut().zip(from).for_each(|(out, from)| *out = value(from)));
+        buffer
+    }
+}
+
+impl<T: Pod> Deref for Buffer<T> {
+    type Target = [T];
+
+    fn deref(&self) -> &[T] {
+        &bytemuck::cast_slice(&self.words)[..self.len]
+    }
+}
+
+impl<T: Pod> DerefMut for Buffer<T> {
+    fn deref_mut(&mut self) -> &mut [T] {
+        &mut bytemuck::cast_slice_mut(&mut self.words)[..self.len]
+    }
+}
+
+impl<T: Pod + Send + Sync> Clone for Buffer<T> {
+    fn clone(&self) -> Buffer<T> {
+        Buffer::from(&**self)
+    }
+}
+
+impl<T: Pod + Send + Sync> From<&[T]> for Buffer<T> {
+    fn from(values: &[T]) -> Buffer<T> {
+        Buffer::of_each(values, |v| *v)
+    }
+}
+
+impl<T: Pod + PartialEq> PartialEq for Buffer<T> {
+    fn eq(&self, other: &Buffer<T>) -> bool {
+        **self == **other
+    }
+}
+
+impl<T: Pod + fmt::Debug> fmt::Debug for Buffer<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_list().entries(self.iter()).finish()
+    }
+}
+
+impl<T: Pod> FromIterator<T> for Buffer<T> {
+    fn from_iter<I: IntoIterator<Item = T>>(values: I) -> Buffer<T> {
+        let values: Vec<T> = values.into_iter().collect();
+        let mut buffer = Buffer::unset(values.len());
+        buffer.copy_from_slice(&values);
+        buffer
+    }
+}
+
+impl<T: Pod> Drop for Buffer<T> {
+    fn drop(&mut self) {
+        give_back(std::mem::take(&mut self.words));
+    }
+}
+
+/// Memory that no buffer uses at the moment.
+struct Idle {
+    words: Vec<u64>,
+    /// The time when it was given back.
+    since: u64,
+}
+
+/// The memory at hand, the longest idle first.
+struct Store {
+    idle: Vec<Idle>,
+    /// Buffers handed out so far.
+    time: u64,
+}
+
+static STORE: Mutex<Store> = Mutex::new(Store { idle: Vec::new(), time: 0 });
+
+/// Memory that so many buffers found no use for goes back to the system: a few renders' worth.
+const KEPT_FOR: u64 = 128;
+/// At most this much is kept, in words: 1 GiB, what a render of 8 million pixels leaves.
+const KEPT_WORDS: usize = 1 << 27;
+
+/// The store, unless it is in use. (Held for an instant by another thread; for good by none, but in a forked process
+/// whose parent was inside. Memory then comes from the system and goes back there.)
+fn store() -> Option<MutexGuard<'static, Store>> {
+    match STORE.try_lock() {
+        Ok(store) => Some(store),
+        Err(TryLockError::Poisoned(store)) => Some(store.into_inner()),
+        Err(TryLockError::WouldBlock) => None,
+    }
+}
+
+impl Store {
+    /// The smallest memory of `n` words or not many more.
+    fn take(&mut self, n: usize) -> Option<Vec<u64>> {
+        self.time += 1;
+        let fits = |idle: &Idle| (n..=n + n / 4).contains(&idle.words.len());
+        let found = (0..self.idle.len()).filter(|&i| fits(&self.idle[i]));
+        let smallest = found.min_by_key(|&i| self.idle[i].words.len());
+        smallest.map(|i| self.idle.remove(i).words)
+    }
+
+    /// Keeps memory, and returns what is to be freed for it.
+    fn keep(&mut self, words: Vec<u64>) -> Vec<Idle> {
+        self.idle.push(Idle { words, since: self.time });
+        let mut total: usize = self.idle.iter().map(|idle| idle.words.len()).sum();
+        let stale = self.idle.iter().take_while(|idle| {
+            let too_much = total > KEPT_WORDS;
+            total -= idle.words.len();
+            too_much || self.time - idle.since > KEPT_FOR
+        });
+        let stale = stale.count();
+        self.idle.drain(..stale).collect()
+    }
+}
+
+fn take(n: usize) -> Vec<u64> {
+    let kept = store().and_then(|mut store| store.take(n));
+    kept.unwrap_or_else(|| zeros(n))
+}
+
+fn give_back(words: Vec<u64>) {
+    // What is no longer wanted is freed after the store has been left.
+    let _stale = if words.is_empty() { None } else { store().map(|mut store| store.keep(words)) };
+}
+
+/// `n` zeros that will all be written to, and that outlive the render: in huge pages where the system has them.
 pub fn zeros<T: Copy + Default>(n: usize) -> Vec<T> {
     let zeros = vec![T::default(); n];
     advise_huge_pages(&zeros);
@@ -24,3 +199,56 @@ fn advise_huge_pages<T>(buffer: &[T]) {
 
 #[cfg(not(target_os = "linux"))]
 fn advise_huge_pages<T>(_: &[T]) {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn empty() -> Store {
+        Store { idle: Vec::new(), time: 0 }
+    }
+
+    #[test]
+    fn memory_of_about_the_size_is_used_again() {
+        let mut store = empty();
+        assert!(store.keep(vec![1; 100]).is_empty());
+        assert!(store.keep(vec![2; 110]).is_empty());
+        assert_eq!(store.take(120), None);
+        assert_eq!(store.take(40), None);
+        assert_eq!(store.take(96).map(|words| words.len()), Some(100));
+        assert_eq!(store.take(96).map(|words| words.len()), Some(110));
+        assert_eq!(store.take(96), None);
+    }
+
+    #[test]
+    fn what_nobody_wants_is_freed() {
+        let mut store = empty();
+        store.keep(vec![0; 1000]);
+        for _ in 0..KEPT_FOR {
+            let words = store.take(10).unwrap_or_else(|| vec![0; 10]);
+            assert!(store.keep(words).is_empty());
+        }
+        let words = store.take(10).unwrap();
+        assert_eq!(store.keep(words).iter().map(|idle| idle.words.len()).collect::<Vec<_>>(), [1000]);
+        assert_eq!(store.idle.len(), 1);
+    }
+
+    #[test]
+    fn no_more_than_the_limit_is_kept() {
+        let mut store = empty();
+        store.keep(vec![0; KEPT_WORDS / 2]);
+        store.keep(vec![0; KEPT_WORDS / 2]);
+        assert_eq!(store.keep(vec![0; 1]).len(), 1);
+    }
+
+    #[test]
+    fn buffers_hold_what_was_written() {
+        let mut odd = Buffer::<u16>::unset(5);
+        odd.copy_from_slice(&[1, 2, 3, 4, 5]);
+        assert_eq!(odd.clone(), odd);
+        assert_eq!(odd.len(), 5);
+        assert_eq!(*Buffer::of_each(&[1.5f32, 2.0], |v| 2.0 * v), [3.0, 4.0]);
+        assert_eq!(*Buffer::concat(&[&[1u8, 2], &[], &[3]]), [1, 2, 3]);
+        assert!(Buffer::<f32>::unset(0).is_empty());
+    }
+}

@@ -1,5 +1,6 @@
 //! What a render starts from: validated colour and disparity, planar, in `f32`.
 
+use crate::memory::Buffer;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -25,9 +26,9 @@ impl Size {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Layer {
     /// Linear colour, one plane a channel; premultiplied if the last channel is coverage.
-    pub color: Arc<Vec<f32>>,
+    pub color: Arc<Buffer<f32>>,
     /// Disparity of every pixel.
-    pub disparity: Vec<f32>,
+    pub disparity: Buffer<f32>,
 }
 
 impl Layer {
@@ -71,8 +72,8 @@ impl Picture {
     pub fn of_channels(&self, channels: &[usize]) -> Picture {
         let n = self.size.pixels();
         let layers = self.layers.iter().map(|layer| {
-            let color = channels.iter().flat_map(|&c| &layer.color[c * n..][..n]).copied();
-            Layer { color: Arc::new(color.collect()), disparity: layer.disparity.clone() }
+            let kept: Vec<_> = channels.iter().map(|&c| &layer.color[c * n..][..n]).collect();
+            Layer { color: Arc::new(Buffer::concat(&kept)), disparity: layer.disparity.clone() }
         });
         Picture { size: Size { channels: channels.len(), ..self.size }, layers: layers.collect() }
     }

@@ -3,7 +3,7 @@
 use crate::cancel::Cancel;
 use crate::cpu::lens::Sheets;
 use crate::cpu::simd::Simd;
-use crate::device::{Device, Place};
+use crate::device::Device;
 use crate::error::{Result, value_error};
 use crate::optics::{Base, FocusSurface, Imaging, Lens, Optics};
 use crate::picture::Picture;
@@ -105,17 +105,17 @@ type Prepared = (f64, FocusSurface, Arc<Sheets>);
 
 /// A picture on its device, with what has been prepared from it.
 pub struct Scene {
-    picture: Arc<Picture>,
+    pub(crate) picture: Arc<Picture>,
     /// Channels that hold light, without coverage.
-    lights: usize,
+    pub(crate) lights: usize,
     /// Pixels of the picture to one of the output, along each axis.
-    supersample: usize,
+    pub(crate) supersample: usize,
     /// The picture less the focus surface last used.
     flattened: Mutex<Option<(FocusSurface, Arc<Picture>)>>,
     /// The sheets last used.
     sheets: Mutex<Option<Prepared>>,
     /// The picture on the device last used.
-    residence: gpu::Residence,
+    pub(crate) residence: gpu::Residence,
 }
 
 impl Scene {
@@ -137,7 +137,7 @@ impl Scene {
     ///
     /// No lock is ever held over parallel work: a worker that waits inside it may be handed another render of
     /// the same scene, and would wait for itself.
-    fn flattened(&self, surface: &FocusSurface) -> Arc<Picture> {
+    pub(crate) fn flattened(&self, surface: &FocusSurface) -> Arc<Picture> {
         if surface.is_facing() {
             return Arc::clone(&self.picture);
         }
@@ -152,7 +152,7 @@ impl Scene {
     }
 
     /// The sheets of the flattened picture for this lens, made anew if those at hand are for another.
-    fn sheets(
+    pub(crate) fn sheets(
         &self,
         picture: &Picture,
         surface: &FocusSurface,
@@ -181,21 +181,9 @@ impl Scene {
         simd: Simd,
         cancel: &Cancel,
     ) -> Result<Vec<Rendered>> {
-        match device.place(method, lenses)? {
-            Place::Cpu => lenses.iter().map(|lens| self.on_cpu(lens, method, simd, cancel)).collect(),
-            Place::Gpu(adapter) => {
-                // What a device places there is a thin lens; its focus surface faces the camera.
-                let facing =
-                    |optics: &Optics| self.sheets(&self.picture, &lenses[0].surface, optics, simd, cancel);
-                let source = gpu::Source {
-                    picture: &self.picture,
-                    residence: &self.residence,
-                    sheets: facing,
-                    supersample: self.supersample,
-                };
-                let optics: Vec<Optics> = lenses.iter().map(|lens| lens.optics_of(1)).collect();
-                gpu::render_each(adapter, &source, &optics, method, simd, cancel)
-            }
+        match device {
+            Device::Cpu => lenses.iter().map(|lens| self.on_cpu(lens, method, simd, cancel)).collect(),
+            Device::Gpu(adapter) => gpu::render_each(adapter, self, lenses, method, simd, cancel),
         }
     }
 
@@ -206,13 +194,7 @@ impl Scene {
             let (picture, optics, front) = (&part.picture, &part.optics, &part.picture.layers[0]);
             match method {
                 Method::Lens(settings) => {
-                    let (lean, stronger) = surface.leaning(optics.k)?;
-                    let settings = cpu::lens::Settings {
-                        aperture: settings.aperture.leaning(lean),
-                        views: settings.views,
-                        barrel: imaging.barrel,
-                    };
-                    let optics = Optics { k: optics.k * stronger, ..*optics };
+                    let (optics, settings) = leaning(imaging, optics, settings)?;
                     let all = self.sheets(&flattened, surface, &optics, simd, cancel)?;
                     let sheets = match part.channels {
                         None => all,
@@ -250,12 +232,7 @@ impl Scene {
             )?;
         }
         if let Some(falloff) = &imaging.falloff {
-            let clip = match (method, imaging.barrel) {
-                (Method::Lens(settings), Some(barrel)) if falloff.optical => {
-                    Some(cpu::lens::Clip::new(barrel, &settings.aperture))
-                }
-                _ => None,
-            };
+            let clip = clip_of(imaging, method);
             cpu::falloff::darken(&mut full, size, self.lights, falloff, clip.as_ref());
         }
         let pixels = match self.supersample {
@@ -263,6 +240,40 @@ impl Scene {
             n => cpu::resolve::box_average(&full, size, n),
         };
         Ok(Rendered { pixels, passes: Vec::new() })
+    }
+}
+
+/// The lens and the opening of the flagship as the focus surface and the barrel make them.
+pub(crate) fn leaning(
+    imaging: &Imaging,
+    optics: &Optics,
+    settings: &cpu::lens::Settings,
+) -> Result<(Optics, cpu::lens::Settings)> {
+    let (lean, stronger) = imaging.surface.leaning(optics.k)?;
+    let settings = cpu::lens::Settings {
+        aperture: settings.aperture.leaning(lean),
+        views: settings.views,
+        barrel: imaging.barrel,
+    };
+    Ok((Optics { k: optics.k * stronger, ..*optics }, settings))
+}
+
+/// The channel that coverage is, in pictures of three colours.
+pub(crate) const COVERAGE: usize = 3;
+
+/// The channels that are rendered at the focus of a colour: itself, and coverage, which colours need where there is
+/// one.
+pub(crate) fn channels_at(color: usize, channels: usize) -> Vec<usize> {
+    if channels > COVERAGE { vec![color, COVERAGE] } else { vec![color] }
+}
+
+/// What the falloff knows of the opening, where a barrel clips it.
+pub(crate) fn clip_of(imaging: &Imaging, method: &Method) -> Option<cpu::lens::Clip> {
+    match (method, imaging.barrel, imaging.falloff) {
+        (Method::Lens(settings), Some(barrel), Some(falloff)) if falloff.optical => {
+            Some(cpu::lens::Clip::new(barrel, &settings.aperture))
+        }
+        _ => None,
     }
 }
 
@@ -284,14 +295,13 @@ fn by_focus(
         let optics = imaging.optics_of(1);
         return render(&Part { picture: Cow::Borrowed(picture), channels: None, optics });
     }
-    const COVERAGE: usize = 3;
     let channels = picture.size.channels;
     let mut out = vec![0.0; picture.size.pixels() * channels];
     for color in 0..3 {
-        let rendered: &[usize] = if channels > COVERAGE { &[color, COVERAGE] } else { &[color] };
+        let rendered = channels_at(color, channels);
         let part = render(&Part {
-            picture: Cow::Owned(picture.of_channels(rendered)),
-            channels: Some(rendered),
+            picture: Cow::Owned(picture.of_channels(&rendered)),
+            channels: Some(&rendered),
             optics: imaging.optics_of(color),
         })?;
         for (i, &channel) in rendered.iter().enumerate() {

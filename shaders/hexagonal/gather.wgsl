@@ -1,12 +1,7 @@
 // The first pass: both targets, from the picture. The second has the lines of the first as well.
 
-@group(0) @binding(4) var<storage, read_write> near_first: array<vec4<f32>>;
-@group(0) @binding(5) var<storage, read_write> rest_first: array<vec4<f32>>;
-// Coverage and radius of the light in front, and what is seen of the rest.
-@group(0) @binding(6) var<storage, read_write> parts_first: array<vec4<f32>>;
-@group(0) @binding(7) var<storage, read_write> near_second: array<vec4<f32>>;
-@group(0) @binding(8) var<storage, read_write> rest_second: array<vec4<f32>>;
-@group(0) @binding(9) var<storage, read_write> parts_second: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read_write> first: array<Texel>;
+@group(0) @binding(5) var<storage, read_write> second: array<Texel>;
 
 fn near_radius(target_index: u32, at: vec2<i32>, coc: f32) -> f32 {
     return max(-coc, 0.0);
@@ -38,14 +33,11 @@ fn gather(@builtin(global_invocation_id) id: vec3<u32>) {
         // Divided by its radius, as the picture's own light.
         let share = select(0.0, 1.0 / sums.radius, sums.radius > 0.0);
         let parts = vec4<f32>(share * sums.near.coverage, sums.radius, sums.rest.seen, 0.0);
+        let texel = Texel(share * sums.near.color, sums.rest.color, parts);
         if params.lines[line].z == 0u {
-            near_first[i] = share * sums.near.color;
-            rest_first[i] = sums.rest.color;
-            parts_first[i] = parts;
+            first[i] = texel;
         } else {
-            near_second[i] = share * sums.near.color;
-            rest_second[i] = sums.rest.color;
-            parts_second[i] = parts;
+            second[i] = texel;
         }
     }
 }

@@ -24,6 +24,14 @@ struct Params {
     @align(16) shift: Defocus,
 }
 
+// What a target holds of a pixel: light in front over its radius, what is seen of the rest, and in `parts` the coverage and
+// the radius of the light in front, and how much is seen of the rest.
+struct Texel {
+    near: vec4<f32>,
+    rest: vec4<f32>,
+    parts: vec4<f32>,
+}
+
 // Light in front of the focus, divided by its radius.
 struct Near {
     color: vec4<f32>,

@@ -1,39 +1,29 @@
 // The second pass: the targets blurred and added, and the light in front laid over the rest.
 
-@group(0) @binding(4) var<storage, read> near_first: array<vec4<f32>>;
-@group(0) @binding(5) var<storage, read> rest_first: array<vec4<f32>>;
-// Coverage and radius of the light in front, and what is seen of the rest.
-@group(0) @binding(6) var<storage, read> parts_first: array<vec4<f32>>;
-@group(0) @binding(7) var<storage, read> near_second: array<vec4<f32>>;
-@group(0) @binding(8) var<storage, read> rest_second: array<vec4<f32>>;
-@group(0) @binding(9) var<storage, read> parts_second: array<vec4<f32>>;
-@group(0) @binding(10) var<storage, read_write> picture: array<f32>;
+@group(0) @binding(4) var<storage, read> first: array<Texel>;
+@group(0) @binding(5) var<storage, read> second: array<Texel>;
+@group(0) @binding(6) var<storage, read_write> picture: array<f32>;
 
-fn parts_of(target_index: u32, i: u32) -> vec4<f32> {
+fn texel_at(target_index: u32, at: vec2<i32>) -> Texel {
+    let i = frame_index(at);
     if target_index == 0u {
-        return parts_first[i];
+        return first[i];
     }
-    return parts_second[i];
+    return second[i];
 }
 
 fn near_radius(target_index: u32, at: vec2<i32>, coc: f32) -> f32 {
-    return parts_of(target_index, frame_index(at)).y;
+    return texel_at(target_index, at).parts.y;
 }
 
 fn near_light(target_index: u32, at: vec2<i32>, coc: f32) -> Near {
-    let i = frame_index(at);
-    if target_index == 0u {
-        return Near(near_first[i], parts_first[i].x);
-    }
-    return Near(near_second[i], parts_second[i].x);
+    let texel = texel_at(target_index, at);
+    return Near(texel.near, texel.parts.x);
 }
 
 fn rest_light(target_index: u32, at: vec2<i32>, coc: f32) -> Rest {
-    let i = frame_index(at);
-    if target_index == 0u {
-        return Rest(rest_first[i], parts_first[i].z);
-    }
-    return Rest(rest_second[i], parts_second[i].z);
+    let texel = texel_at(target_index, at);
+    return Rest(texel.rest, texel.parts.z);
 }
 
 // The layers put together.

@@ -13,6 +13,7 @@ struct Params {
     // Codes are shifts: s = s_min + (code - 1) step.
     s_min: f32,
     step: f32,
+    @align(16) barrel: Barrel,
 }
 
 // A bright point: its pixel, shift and depth, its disc, and its light.
@@ -44,6 +45,10 @@ override CHANNELS: u32 = 3u;
 // The nearest code in each block of the padded frame.
 @group(0) @binding(7) var<storage, read> block_nearest: array<u32>;
 @group(0) @binding(8) var<storage, read_write> picture: array<f32>;
+
+fn open_value(i: u32) -> f32 {
+    return bitcast<f32>(kernels[i]);
+}
 
 // How much of a pixel a disc covers, at an offset from its centre.
 fn weight_at(kernel: Kernel, d: vec2<i32>) -> f32 {
@@ -157,8 +162,13 @@ fn light_at(at: vec2<i32>, tile: Tile) -> vec4<f32> {
             continue;
         }
         let weight = weight_at(kernel_at(highlight.kernel), d);
-        if weight > 0.0 && !is_hidden_from(highlight, vec2<f32>(d) / highlight.t) {
-            sum += weight * highlight.light;
+        let l = vec2<f32>(d) / highlight.t;
+        if weight > 0.0 && !is_hidden_from(highlight, l) {
+            var share = 1.0;
+            if clips(params.barrel) {
+                share = clipped_share(params.barrel, vec2<f32>(at), l, highlight.t);
+            }
+            sum += weight * share * highlight.light;
         }
     }
     return sum;

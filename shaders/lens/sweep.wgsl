@@ -26,11 +26,16 @@ struct Tile {
     occupied: array<u32, 8>,
 }
 
-// At code u the ray passes the cell at `slope u + base - cell` from its centre. Its stretches, near to far.
+// At code u the ray passes the cell at `slope u + base - cell` from its centre, with the slope in front of the focus or
+// that behind it. Its stretches, near to far, the first one behind the focus, and the columns that see the view, by rows;
+// 0 where all do.
 struct View {
-    slope: vec2<f32>,
+    in_front: vec2<f32>,
+    behind: vec2<f32>,
     first: u32,
+    focus: u32,
     end: u32,
+    columns: u32,
 }
 
 // Codes `from .. to`, in the low and the high half, are met at this offset: x in the low half, y in the high one.
@@ -54,13 +59,13 @@ override CHANNELS: u32 = 3u;
 @group(0) @binding(2) var<storage, read> drawn: array<vec4<f32>>;
 // For each cell 0, or one more than the number of its half-plane; these follow.
 @group(0) @binding(3) var<storage, read> half_planes: array<u32>;
-// Views, then stretches.
+// Views, then stretches, then the columns of each view.
 @group(0) @binding(4) var<storage, read> paths: array<vec4<u32>>;
 @group(0) @binding(5) var<storage, read> tiles: array<Tile>;
 // For each block of the padded frame and each sheet, the depths in a tile that begins there; as in `Tile`.
 @group(0) @binding(6) var<storage, read> windows: array<u32>;
-// How many views of each pixel have met nothing; between passes the picture holds sums.
-@group(0) @binding(7) var<storage, read_write> missed_before: array<f32>;
+// How many views of each pixel do not count; between passes the picture holds sums.
+@group(0) @binding(7) var<storage, read_write> left_out_before: array<f32>;
 @group(0) @binding(8) var<storage, read_write> picture: array<f32>;
 
 // Stretches and sheets that each view of a batch may meet cells in, and from which stretch on it has not been looked.
@@ -77,8 +82,9 @@ var<private> sum_3: vec4<f32>;
 var<private> waiting: u32;
 
 fn view_at(i: u32) -> View {
-    let words = paths[i];
-    return View(bitcast<vec2<f32>>(words.xy), words.z, words.w);
+    let slopes = bitcast<vec4<f32>>(paths[2u * i]);
+    let words = paths[2u * i + 1u];
+    return View(slopes.xy, slopes.zw, words.x, words.y, words.z, words.w);
 }
 
 fn stretch_at(i: u32) -> Stretch {
@@ -146,8 +152,25 @@ fn look(tile: u32, view: u32, slot: u32) {
     not_looked[slot] = i;
 }
 
+// Which of the rows see a view, a bit for each.
+fn rows_that_see(view: View, rows: u32) -> u32 {
+    if view.columns == 0u {
+        return rows;
+    }
+    var seen = 0u;
+    for (var row = 0u; row < ROWS; row++) {
+        if (rows & (1u << row)) != 0u {
+            let y = u32(place.y) + 4u * row;
+            let columns = paths[view.columns + y / 4u][y % 4u];
+            let x = u32(place.x);
+            seen |= select(0u, 1u << row, x >= (columns & 0xffffu) && x < (columns >> 16u));
+        }
+    }
+    return seen;
+}
+
 // Whether a ray passes through the part of its pixel that a cell covers.
-fn is_covered(cell: u32, at: vec2<i32>, view: View, stretch: Stretch) -> bool {
+fn is_covered(cell: u32, at: vec2<i32>, slope: vec2<f32>, stretch: Stretch) -> bool {
     let number = half_planes[cell];
     if number == 0u {
         return true;
@@ -155,12 +178,12 @@ fn is_covered(cell: u32, at: vec2<i32>, view: View, stretch: Stretch) -> bool {
     let words = params.sheets * params.size.x * params.size.y + 3u * (number - 1u);
     let normal = vec2(bitcast<f32>(half_planes[words]), bitcast<f32>(half_planes[words + 1u]))
         * mirroring(params.size, at.x, at.y);
-    let ray = view.slope * f32(farthest(codes[cell])) + stretch.base;
+    let ray = slope * f32(farthest(codes[cell])) + stretch.base;
     return normal.x * ray.x + normal.y * ray.y <= bitcast<f32>(half_planes[words + 2u]);
 }
 
 // The cell that a pixel meets in one stretch of one sheet, if it waits for one.
-fn cell_met(row: u32, view: View, stretch: Stretch, first: vec2<i32>, column: u32, sheet: u32) -> u32 {
+fn cell_met(row: u32, slope: vec2<f32>, stretch: Stretch, first: vec2<i32>, column: u32, sheet: u32) -> u32 {
     if (waiting & (1u << row)) == 0u {
         return NO_CELL;
     }
@@ -169,7 +192,7 @@ fn cell_met(row: u32, view: View, stretch: Stretch, first: vec2<i32>, column: u3
     let cell = line * params.size.x + column;
     let depths = codes[cell];
     let hit = nearest(depths) >= (stretch.codes & 0xffffu) && farthest(depths) < (stretch.codes >> 16u);
-    if !hit || !is_covered(cell, at, view, stretch) {
+    if !hit || !is_covered(cell, at, slope, stretch) {
         return NO_CELL;
     }
     waiting &= ~(1u << row);
@@ -187,12 +210,13 @@ fn color_of(cell: u32) -> vec4<f32> {
 // Gives the waiting pixels the cells that they meet in one stretch of one sheet.
 fn meet(view: View, i: u32, sheet: u32) {
     let stretch = stretch_at(i);
+    let slope = select(view.behind, view.in_front, i < view.focus);
     let first = place + offset_of(stretch);
     let column = u32(mirrored(first.x, i32(params.size.x)));
-    sum_0 += color_of(cell_met(0u, view, stretch, first, column, sheet));
-    sum_1 += color_of(cell_met(1u, view, stretch, first, column, sheet));
-    sum_2 += color_of(cell_met(2u, view, stretch, first, column, sheet));
-    sum_3 += color_of(cell_met(3u, view, stretch, first, column, sheet));
+    sum_0 += color_of(cell_met(0u, slope, stretch, first, column, sheet));
+    sum_1 += color_of(cell_met(1u, slope, stretch, first, column, sheet));
+    sum_2 += color_of(cell_met(2u, slope, stretch, first, column, sheet));
+    sum_3 += color_of(cell_met(3u, slope, stretch, first, column, sheet));
 }
 
 // Follows one view, whose stretches have been picked.
@@ -211,10 +235,9 @@ fn follow(tile: u32, view: View, slot: u32) {
 }
 
 // The mean over all views that count.
-fn mean(sum: vec4<f32>, count: f32, missed: f32, pixel: u32) -> vec4<f32> {
-    let met_views = count - select(missed, 0.0, params.missed == MISSED_NOTHING);
-    if met_views > 0.0 {
-        return sum / met_views;
+fn mean(sum: vec4<f32>, count: f32, pixel: u32) -> vec4<f32> {
+    if count > 0.0 {
+        return sum / count;
     }
     // Where nothing at all was met, the pixel keeps what it saw itself.
     return drawn[pixel];
@@ -225,11 +248,11 @@ fn pixel_of(own: vec2<u32>, row: u32) -> u32 {
 }
 
 // What earlier passes counted for a pixel.
-fn missed_at(rows: u32, own: vec2<u32>, row: u32) -> f32 {
+fn left_out_at(rows: u32, own: vec2<u32>, row: u32) -> f32 {
     if (rows & (1u << row)) == 0u {
         return 0.0;
     }
-    return missed_before[pixel_of(own, row)];
+    return left_out_before[pixel_of(own, row)];
 }
 
 // What earlier passes summed up for a pixel.
@@ -244,16 +267,16 @@ fn sum_at(rows: u32, own: vec2<u32>, row: u32) -> vec4<f32> {
 }
 
 // Writes a pixel: the mean after its last view, else what has been summed up so far.
-fn write(rows: u32, own: vec2<u32>, row: u32, sum: vec4<f32>, missed: f32, count: f32, is_last: bool) {
+fn write(rows: u32, own: vec2<u32>, row: u32, sum: vec4<f32>, left_out: f32, count: f32, is_last: bool) {
     if (rows & (1u << row)) == 0u {
         return;
     }
     let pixel = pixel_of(own, row);
     var value = sum;
     if is_last {
-        value = mean(sum, count, missed, pixel);
+        value = mean(sum, count - left_out, pixel);
     } else {
-        missed_before[pixel] = missed;
+        left_out_before[pixel] = left_out;
     }
     for (var c = 0u; c < CHANNELS; c++) {
         picture[pixel * CHANNELS + c] = value[c];
@@ -278,13 +301,13 @@ fn sweep(
     for (var row = 0u; row < ROWS; row++) {
         rows |= select(0u, 1u << row, all(vec2(own.x, own.y + 4u * row) < params.size));
     }
-    var missed = vec4<f32>();
+    var left_out = vec4<f32>();
     if params.first_view > 0u {
-        missed = vec4(
-            missed_at(rows, own, 0u),
-            missed_at(rows, own, 1u),
-            missed_at(rows, own, 2u),
-            missed_at(rows, own, 3u),
+        left_out = vec4(
+            left_out_at(rows, own, 0u),
+            left_out_at(rows, own, 1u),
+            left_out_at(rows, own, 2u),
+            left_out_at(rows, own, 3u),
         );
         sum_0 = sum_at(rows, own, 0u);
         sum_1 = sum_at(rows, own, 1u);
@@ -301,14 +324,18 @@ fn sweep(
         }
         workgroupBarrier();
         for (var slot = 0u; slot < here; slot++) {
-            waiting = rows;
-            follow(tile, view_at(first + slot), slot);
-            missed += vec4<f32>((vec4(waiting) >> vec4(0u, 1u, 2u, 3u)) & vec4(1u));
+            let view = view_at(first + slot);
+            let seeing = rows_that_see(view, rows);
+            waiting = seeing;
+            follow(tile, view, slot);
+            let missed = select(waiting, 0u, params.missed == MISSED_NOTHING);
+            let out = (rows & ~seeing) | missed;
+            left_out += vec4<f32>((vec4(out) >> vec4(0u, 1u, 2u, 3u)) & vec4(1u));
         }
     }
     let is_last = count == tiles[tile].views;
-    write(rows, own, 0u, sum_0, missed.x, f32(count), is_last);
-    write(rows, own, 1u, sum_1, missed.y, f32(count), is_last);
-    write(rows, own, 2u, sum_2, missed.z, f32(count), is_last);
-    write(rows, own, 3u, sum_3, missed.w, f32(count), is_last);
+    write(rows, own, 0u, sum_0, left_out.x, f32(count), is_last);
+    write(rows, own, 1u, sum_1, left_out.y, f32(count), is_last);
+    write(rows, own, 2u, sum_2, left_out.z, f32(count), is_last);
+    write(rows, own, 3u, sum_3, left_out.w, f32(count), is_last);
 }

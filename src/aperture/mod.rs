@@ -187,6 +187,11 @@ impl Aperture {
         Aperture { lean, ..self.clone() }
     }
 
+    /// See [`Aperture::leaning`].
+    pub fn lean(&self) -> [f64; 2] {
+        self.lean
+    }
+
     /// In what it differs from a clear disc.
     pub fn features(&self) -> Vec<Feature> {
         let (outline, picture) = match &self.shape {

@@ -1,36 +1,10 @@
-//! The picture at another size, for each channel its own: lateral colour, and a lens that breathes.
+//! Carries out [`plan::magnify`](crate::plan::magnify).
 
-use super::border::mirrored;
 use super::rows::render_rows;
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::picture::Size;
-
-/// Where a row or column of the output comes from: four neighbours and their weights.
-type Source = ([usize; 4], [f32; 4]);
-
-/// Catmull-Rom's cubic through four values, at `f` between the second and the third.
-fn weights(f: f64) -> [f32; 4] {
-    [
-        f * (-0.5 + f * (1.0 - 0.5 * f)),
-        1.0 + f * f * (-2.5 + 1.5 * f),
-        f * (0.5 + f * (2.0 - 1.5 * f)),
-        f * f * (-0.5 + 0.5 * f),
-    ]
-    .map(|w| w as f32)
-}
-
-/// The sources of `n` places under a magnification about `centre`.
-fn sources(n: usize, centre: f64, magnification: f64) -> Vec<Source> {
-    (0..n)
-        .map(|i| {
-            let at = centre + (i as f64 - centre) / magnification;
-            let first = at.floor();
-            let place = |k: usize| mirrored(first as i64 + k as i64 - 1, n).0;
-            (std::array::from_fn(place), weights(at - first))
-        })
-        .collect()
-}
+use crate::plan::magnify::{Source, sources};
 
 /// An interleaved picture with every channel magnified about `centre`; what lies beyond the border is its mirror image.
 ///
@@ -55,8 +29,8 @@ pub fn magnify(
         || (),
         |(), y, out| {
             for (c, (columns, rows)) in channels.iter().enumerate() {
-                let (source_rows, down) = &rows[y];
-                for (x, (source_columns, across)) in columns.iter().enumerate() {
+                let Source { places: source_rows, weights: down } = &rows[y];
+                for (x, Source { places: source_columns, weights: across }) in columns.iter().enumerate() {
                     let value = |j: usize, i: usize| {
                         picture[(source_rows[j] * size.width + source_columns[i]) * size.channels + c]
                     };

@@ -33,9 +33,10 @@ pub enum Bound<'a> {
     Write(&'a wgpu::Buffer),
 }
 
-/// Takes a buffer of this size out of some.
-fn take(spare: &mut Vec<wgpu::Buffer>, bytes: usize) -> Option<wgpu::Buffer> {
-    let fits = spare.iter().position(|buffer| buffer.size() == bytes as u64)?;
+/// Takes a buffer of this size and use out of some.
+fn take(spare: &mut Vec<wgpu::Buffer>, bytes: usize, usage: BufferUsages) -> Option<wgpu::Buffer> {
+    let fits = |buffer: &wgpu::Buffer| buffer.size() == bytes as u64 && buffer.usage() == usage;
+    let fits = spare.iter().position(fits)?;
     Some(spare.swap_remove(fits))
 }
 
@@ -52,10 +53,10 @@ pub fn groups(width: usize, height: usize) -> [u32; 3] {
 /// Passes that are being put together.
 pub struct Commands<'a> {
     pub gpu: &'a Arc<Gpu>,
-    encoder: wgpu::CommandEncoder,
+    pub(super) encoder: wgpu::CommandEncoder,
     /// Begin and end of every pass, if the device keeps time.
     stamps: Option<wgpu::QuerySet>,
-    passes: Vec<&'static str>,
+    pub(super) passes: Vec<&'static str>,
     /// Buffers that the next job may use.
     taken: Vec<wgpu::Buffer>,
 }
@@ -77,9 +78,17 @@ impl<'a> Commands<'a> {
     /// A buffer of `len` values that passes write and read. It may hold those of an earlier job, which the device has
     /// done before it begins this one.
     pub fn scratch<T: Pod>(&mut self, what: &'static str, len: usize) -> Result<wgpu::Buffer> {
-        let bytes = len * size_of::<T>();
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
-        let spare = take(&mut lock(&self.gpu.spare), bytes);
+        self.reused(what, len * size_of::<T>(), usage)
+    }
+
+    /// The same for words that indirect draws are read from.
+    pub fn indirect(&mut self, what: &'static str, words: usize) -> Result<wgpu::Buffer> {
+        self.reused(what, words * size_of::<u32>(), BufferUsages::STORAGE | BufferUsages::INDIRECT)
+    }
+
+    fn reused(&mut self, what: &'static str, bytes: usize, usage: BufferUsages) -> Result<wgpu::Buffer> {
+        let spare = take(&mut lock(&self.gpu.spare), bytes, usage);
         let buffer = spare.map_or_else(|| self.gpu.buffer(what, bytes, usage), Ok)?;
         self.taken.push(buffer.clone());
         Ok(buffer)
@@ -99,39 +108,13 @@ impl<'a> Commands<'a> {
         buffers: &[Bound],
         groups: [u32; 3],
     ) -> Result<()> {
-        let device = &self.gpu.device;
-        let params = self.gpu.filled("parameters", bytemuck::bytes_of(params), BufferUsages::UNIFORM)?;
-        let kind =
-            |bound: &Bound| wgpu::BufferBindingType::Storage { read_only: matches!(bound, Bound::Read(_)) };
-        let kinds = std::iter::once(wgpu::BufferBindingType::Uniform).chain(buffers.iter().map(kind));
-        let entry = |(binding, ty)| wgpu::BindGroupLayoutEntry {
-            binding,
-            visibility: wgpu::ShaderStages::COMPUTE,
-            ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
-            count: None,
-        };
-        let entries: Vec<_> = (0..).zip(kinds).map(entry).collect();
-        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: Some(shader.name),
-            entries: &entries,
-        });
-        let bound = buffers.iter().map(|(Bound::Read(buffer) | Bound::Write(buffer))| *buffer);
-        let entries: Vec<_> = (0..)
-            .zip(std::iter::once(&params).chain(bound))
-            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
-            .collect();
-        let bind_group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some(shader.name),
-            layout: &layout,
-            entries: &entries,
-        });
+        let stages = wgpu::ShaderStages::COMPUTE;
+        let (layout, bind_group) = self.bindings(shader.name, params, buffers, stages)?;
         let pipeline = self.gpu.pipeline(shader, channels, &layout);
-
-        let first = 2 * self.passes.len() as u32;
-        let stamps = self.stamps.as_ref().filter(|_| first < 2 * MAX_TIMED);
-        let timestamp_writes = stamps.map(|query_set| wgpu::ComputePassTimestampWrites {
+        let stamps = self.stamps();
+        let timestamp_writes = stamps.as_ref().map(|(query_set, first)| wgpu::ComputePassTimestampWrites {
             query_set,
-            beginning_of_pass_write_index: Some(first),
+            beginning_of_pass_write_index: Some(*first),
             end_of_pass_write_index: Some(first + 1),
         });
         let descriptor = wgpu::ComputePassDescriptor { label: Some(shader.name), timestamp_writes };
@@ -144,9 +127,75 @@ impl<'a> Commands<'a> {
         Ok(())
     }
 
+    /// What a pass is given.
+    pub(super) fn bindings<P: Pod>(
+        &self,
+        name: &'static str,
+        params: &P,
+        buffers: &[Bound],
+        visibility: wgpu::ShaderStages,
+    ) -> Result<(wgpu::BindGroupLayout, wgpu::BindGroup)> {
+        let device = &self.gpu.device;
+        let params = self.gpu.filled("parameters", bytemuck::bytes_of(params), BufferUsages::UNIFORM)?;
+        let kind =
+            |bound: &Bound| wgpu::BufferBindingType::Storage { read_only: matches!(bound, Bound::Read(_)) };
+        let kinds = std::iter::once(wgpu::BufferBindingType::Uniform).chain(buffers.iter().map(kind));
+        let entry = |(binding, ty)| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility,
+            ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
+            count: None,
+        };
+        let entries: Vec<_> = (0..).zip(kinds).map(entry).collect();
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some(name),
+            entries: &entries,
+        });
+        let bound = buffers.iter().map(|(Bound::Read(buffer) | Bound::Write(buffer))| *buffer);
+        let entries: Vec<_> = (0..)
+            .zip(std::iter::once(&params).chain(bound))
+            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+            .collect();
+        let bind_group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(name),
+            layout: &layout,
+            entries: &entries,
+        });
+        Ok((layout, bind_group))
+    }
+
+    /// Where the next pass puts the times of its beginning and its end, if it is timed.
+    pub(super) fn stamps(&self) -> Option<(wgpu::QuerySet, u32)> {
+        let first = 2 * self.passes.len() as u32;
+        self.stamps.clone().filter(|_| first < 2 * MAX_TIMED).map(|stamps| (stamps, first))
+    }
+
     /// Copies a buffer whole.
     pub fn copy(&mut self, from: &wgpu::Buffer, to: &wgpu::Buffer) {
         self.encoder.copy_buffer_to_buffer(from, 0, to, 0, from.size());
+    }
+
+    /// Copies so many bytes, from one place to another.
+    pub fn copy_part(
+        &mut self,
+        from: &wgpu::Buffer,
+        from_byte: usize,
+        to: &wgpu::Buffer,
+        to_byte: usize,
+        bytes: usize,
+    ) {
+        let [from_byte, to_byte, bytes] = [from_byte, to_byte, bytes].map(|v| v as u64);
+        self.encoder.copy_buffer_to_buffer(from, from_byte, to, to_byte, bytes);
+    }
+
+    /// How many buffers have been handed out.
+    pub fn mark(&self) -> usize {
+        self.taken.len()
+    }
+
+    /// Lets further passes use the buffers that were handed out since a mark: passes run one after another.
+    pub fn recycle(&mut self, mark: usize) {
+        lock(&self.gpu.spare).extend(self.taken.drain(mark..));
     }
 
     /// Runs the passes, after which `output` comes back.
@@ -154,7 +203,7 @@ impl<'a> Commands<'a> {
         let gpu = self.gpu;
         let bytes = output.size();
         let back = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
-        let spare = take(&mut lock(&gpu.spare_back), bytes as usize);
+        let spare = take(&mut lock(&gpu.spare_back), bytes as usize, back);
         let values =
             spare.map_or_else(|| gpu.buffer("the picture that comes back", bytes as usize, back), Ok)?;
         self.encoder.copy_buffer_to_buffer(output, 0, &values, 0, bytes);

@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 /// What is open, by process and adapter.
 type Open = HashMap<(u32, usize), Arc<Gpu>>;
 /// A pipeline by the shader's name and the number of channels.
-type Pipelines = HashMap<(&'static str, usize), Arc<wgpu::ComputePipeline>>;
+type Pipelines<P> = HashMap<(&'static str, usize), Arc<P>>;
 
 /// An adapter that has been opened. There is one for each adapter and process, until it fails.
 pub struct Gpu {
@@ -19,7 +19,8 @@ pub struct Gpu {
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
     pub(super) limits: wgpu::Limits,
-    pipelines: Mutex<Pipelines>,
+    pipelines: Mutex<Pipelines<wgpu::ComputePipeline>>,
+    pub(super) draws: Mutex<Pipelines<wgpu::RenderPipeline>>,
     /// Buffers of the last job that the next one may use.
     pub(super) spare: Mutex<Vec<wgpu::Buffer>>,
     /// The same of those that come back.
@@ -65,7 +66,8 @@ impl Gpu {
         let limits = adapter.handle.limits();
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("dofsim"),
-            required_features: adapter.handle.features() & wgpu::Features::TIMESTAMP_QUERY,
+            required_features: adapter.handle.features()
+                & (wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::FLOAT32_BLENDABLE),
             required_limits: limits.clone(),
             ..Default::default()
         };
@@ -90,6 +92,7 @@ impl Gpu {
             queue,
             limits,
             pipelines: Mutex::default(),
+            draws: Mutex::default(),
             spare: Mutex::default(),
             spare_back: Mutex::default(),
             fault,
@@ -135,6 +138,21 @@ impl Gpu {
         }
     }
 
+    /// The largest buffer that a pass can have.
+    pub(super) fn most_bytes(&self) -> u64 {
+        self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size)
+    }
+
+    /// The refusal of a buffer that is larger.
+    pub(super) fn too_large(&self, what: &str, bytes: u64) -> Error {
+        self.error(format!(
+            "{what} would need {} MiB in one piece, and the device allows {} MiB; use a smaller picture, or \
+             device=\"cpu\"",
+            mebibytes(bytes),
+            mebibytes(self.most_bytes())
+        ))
+    }
+
     /// A buffer of `bytes` bytes for what is called `what`.
     pub(super) fn buffer(
         &self,
@@ -175,18 +193,9 @@ impl Gpu {
     ) -> Result<wgpu::Buffer> {
         // Bindings are never empty, and mapped buffers end with a whole word.
         let size = (bytes as u64).max(4).next_multiple_of(4);
-        let most = if usage.contains(wgpu::BufferUsages::STORAGE) {
-            self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size)
-        } else {
-            self.limits.max_buffer_size
-        };
-        if size > most {
-            return Err(self.error(format!(
-                "{what} would need {} MiB in one piece, and the device allows {} MiB; use a smaller picture, or \
-                 device=\"cpu\"",
-                mebibytes(size),
-                mebibytes(most)
-            )));
+        let is_bound = usage.contains(wgpu::BufferUsages::STORAGE);
+        if size > if is_bound { self.most_bytes() } else { self.limits.max_buffer_size } {
+            return Err(self.too_large(what, size));
         }
         let descriptor = wgpu::BufferDescriptor { label: Some(what), size, usage, mapped_at_creation };
         Ok(self.device.create_buffer(&descriptor))
@@ -203,17 +212,8 @@ impl Gpu {
         if let Some(pipeline) = lock(&self.pipelines).get(&key) {
             return Arc::clone(pipeline);
         }
-        let source = wgpu::ShaderSource::Wgsl(shader.source.into());
-        let descriptor = wgpu::ShaderModuleDescriptor { label: Some(shader.name), source };
-        // Counters that end endless loops would keep drivers from unrolling loops.
-        let checks = wgpu::ShaderRuntimeChecks { force_loop_bounding: false, ..Default::default() };
-        // SAFETY: the project's own shaders have no endless loop: each counts up to a bound, and every other check stays.
-        let module = unsafe { self.device.create_shader_module_trusted(descriptor, checks) };
-        let layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some(shader.name),
-            bind_group_layouts: &[Some(layout)],
-            ..Default::default()
-        });
+        let module = self.module(shader);
+        let layout = self.layout(shader.name, layout);
         let constants = shader.constants(channels);
         let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(shader.name),
@@ -227,5 +227,24 @@ impl Gpu {
             cache: None,
         });
         Arc::clone(lock(&self.pipelines).entry(key).or_insert(Arc::new(pipeline)))
+    }
+
+    /// A shader, compiled.
+    pub(super) fn module(&self, shader: &Shader) -> wgpu::ShaderModule {
+        let source = wgpu::ShaderSource::Wgsl(shader.source.into());
+        let descriptor = wgpu::ShaderModuleDescriptor { label: Some(shader.name), source };
+        // Counters that end endless loops would keep drivers from unrolling loops.
+        let checks = wgpu::ShaderRuntimeChecks { force_loop_bounding: false, ..Default::default() };
+        // SAFETY: the project's own shaders have no endless loop: each counts up to a bound, and every other check stays.
+        unsafe { self.device.create_shader_module_trusted(descriptor, checks) }
+    }
+
+    /// The layout of a pipeline with one group of bindings.
+    pub(super) fn layout(&self, name: &'static str, group: &wgpu::BindGroupLayout) -> wgpu::PipelineLayout {
+        self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some(name),
+            bind_group_layouts: &[Some(group)],
+            ..Default::default()
+        })
     }
 }

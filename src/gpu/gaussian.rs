@@ -1,5 +1,6 @@
 //! Carries out [`plan::gaussian`](crate::plan::gaussian).
 
+use super::bands::Need;
 use super::commands::Bound::{Read, Write};
 use super::commands::{Commands, groups, pixels};
 use super::resident::Resident;
@@ -48,6 +49,11 @@ shared! {
         fraction: f32,
         threshold: f32,
     }
+}
+
+/// What it needs of a device: interpolation and halving look a texel farther than the blur.
+pub fn need() -> Need {
+    Need { block_px: 2, ..Need::reaching(2 * (REACH + 3)) }
 }
 
 /// The picture.

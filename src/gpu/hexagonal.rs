@@ -1,5 +1,6 @@
 //! Carries out [`plan::hexagonal`](crate::plan::hexagonal).
 
+use super::bands::Need;
 use super::commands::Bound::{Read, Write};
 use super::commands::{Commands, groups, pixels};
 use super::resident::Resident;
@@ -8,10 +9,16 @@ use crate::error::Result;
 use crate::optics::{Measure, Optics};
 use crate::plan::hexagonal::{self as plan, Plan, Settings};
 
-pub const GATHER: Shader =
-    shader!("hexagonal/gather", ["border", "picture", "defocus", "hexagonal/lines"], [Params, Tap, Defocus]);
-pub const SHADE: Shader =
-    shader!("hexagonal/shade", ["border", "picture", "defocus", "hexagonal/lines"], [Params, Tap, Defocus]);
+pub const GATHER: Shader = shader!(
+    "hexagonal/gather",
+    ["border", "picture", "defocus", "hexagonal/lines"],
+    [Params, Tap, Texel, Defocus]
+);
+pub const SHADE: Shader = shader!(
+    "hexagonal/shade",
+    ["border", "picture", "defocus", "hexagonal/lines"],
+    [Params, Tap, Texel, Defocus]
+);
 
 /// The most lines that a pass has.
 const MAX_LINES: usize = 4;
@@ -49,6 +56,14 @@ impl From<&plan::Tap> for Tap {
     }
 }
 
+shared! {
+    struct Texel {
+        near: [f32; 4],
+        rest: [f32; 4],
+        parts: [f32; 4],
+    }
+}
+
 /// The lines of one pass, one after another.
 struct Lines {
     taps: Vec<Tap>,
@@ -69,6 +84,14 @@ impl Lines {
         }
         all
     }
+}
+
+/// What it needs of a device.
+pub fn need(settings: &Settings, largest_px: f64) -> Need {
+    let (second, both) = Plan::new(settings, largest_px.min(settings.max_coc_px)).margins();
+    let around_px = second.left.max(second.right).max(second.above).max(second.below);
+    let bytes_per_px = size_of::<Texel>();
+    Need { bytes_per_px, around_px, ..Need::reaching(both.above.max(both.below)) }
 }
 
 /// The picture.
@@ -99,21 +122,19 @@ pub fn render(
     };
     let (gathered, spread) = (Lines::new(&plan, |t| &t.gathered), Lines::new(&plan, |t| &t.spread));
     // A second target that there is none of is never looked at.
-    let mut planes = Vec::new();
+    let mut targets = Vec::new();
     for target in 0..MAX_TARGETS {
         let len = if target < plan.targets.len() { width * height } else { 1 };
-        for what in ["light in front", "what is behind it", "what is seen of both"] {
-            planes.push(commands.scratch::<[f32; 4]>(what, len)?);
-        }
+        targets.push(commands.scratch::<Texel>("a target of lines", len)?);
     }
     let picture = commands.output(size)?;
     let input = [Read(&scene.color), Read(&scene.disparity)];
 
     let taps = gpu.upload("the lines of the first pass", &gathered.taps)?;
-    let buffers: Vec<_> = input.into_iter().chain([Read(&taps)]).chain(planes.iter().map(Write)).collect();
+    let buffers: Vec<_> = input.into_iter().chain([Read(&taps)]).chain(targets.iter().map(Write)).collect();
     commands.pass(&GATHER, size.channels, &params(&gathered), &buffers, groups(width, height))?;
     let taps = gpu.upload("the lines of the second pass", &spread.taps)?;
-    let targets = [Read(&taps)].into_iter().chain(planes.iter().map(Read)).chain([Write(&picture)]);
+    let targets = [Read(&taps)].into_iter().chain(targets.iter().map(Read)).chain([Write(&picture)]);
     let buffers: Vec<_> = input.into_iter().chain(targets).collect();
     commands.pass(&SHADE, size.channels, &params(&spread), &buffers, groups(size.width, size.height))?;
     Ok(picture)

@@ -1,5 +1,6 @@
 //! Carries out [`plan::levels`](crate::plan::levels).
 
+use super::bands::Need;
 use super::commands::Bound::{Read, Write};
 use super::commands::{Commands, groups, pixels};
 use super::resident::Resident;
@@ -44,6 +45,13 @@ shared! {
         beginning: Defocus,
         _end: u32,
     }
+}
+
+/// What it needs of a device: steps look two pixels of their target far, and the interpolation one.
+pub fn need(settings: &Settings, largest_px: f64) -> Need {
+    let scale = Plan::new(settings, largest_px).scale;
+    let bytes_per_px = size_of::<[f32; 4]>().div_ceil(scale * scale);
+    Need { bytes_per_px, block_px: scale, ..Need::reaching((2 * STEPS + 2) * scale) }
 }
 
 /// The picture.

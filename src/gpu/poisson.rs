@@ -1,5 +1,6 @@
 //! Carries out [`plan::poisson`](crate::plan::poisson).
 
+use super::bands::Need;
 use super::commands::Bound::{Read, Write};
 use super::commands::{Commands, groups, pixels};
 use super::resident::Resident;
@@ -29,6 +30,11 @@ shared! {
         weight: f32,
         _end: u32,
     }
+}
+
+/// What it needs of a device.
+pub fn need(settings: &Settings, optics: &Optics) -> Need {
+    Need::reaching(Plan::new(settings, optics).margin)
 }
 
 /// The picture.

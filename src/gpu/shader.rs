@@ -40,7 +40,7 @@ pub struct Shader {
     /// WGSL.
     pub source: &'static str,
     /// The structures that it shares with Rust.
-    #[cfg_attr(not(test), expect(dead_code, reason = "the tests compare layouts"))]
+    #[cfg_attr(not(test), allow(dead_code, reason = "the tests compare layouts"))]
     pub shared: &'static [Layout],
 }
 

@@ -1,5 +1,6 @@
 //! Carries out [`plan::taps`](crate::plan::taps).
 
+use super::bands::Need;
 use super::commands::Bound::{Read, Write};
 use super::commands::{Commands, groups, pixels};
 use super::resident::Resident;
@@ -37,6 +38,11 @@ impl From<&crate::plan::taps::Tap> for Tap {
         let at: [usize; 4] = std::array::from_fn(|i| i);
         Tap { dx: at.map(|i| pixel(i).0), dy: at.map(|i| pixel(i).1), weight: at.map(|i| pixel(i).2) }
     }
+}
+
+/// What it needs of a device.
+pub fn need(settings: &Settings, optics: &Optics) -> Need {
+    Need::reaching(Plan::new(settings, optics).margin)
 }
 
 /// The picture.

@@ -5,11 +5,12 @@ use super::adapters;
 use super::commands::Commands;
 use super::device::Gpu;
 use super::process::OfProcess;
+use super::{Exposure, Job};
 use crate::cancel::Cancel;
 use crate::cpu::simd::Simd;
 use crate::device::Device;
 use crate::error::Error;
-use crate::optics::{Frame, Imaging, Lens, Optics, Strength};
+use crate::optics::{Frame, Imaging, Lens, Strength};
 use crate::picture::{Layer, Picture, Size};
 use crate::plan::taps::{Settings, Variant};
 use crate::render::{Method, Scene};
@@ -71,23 +72,20 @@ fn a_device_that_was_lost_is_an_error_and_then_another_is_opened() {
 fn a_device_that_is_lost_while_it_works_is_an_error() {
     on_adapter(|| {
         let gpu = Gpu::open(0).unwrap();
-        let residence = super::Residence::default();
-        let source = super::Source {
-            picture: &picture(1500, 1000),
-            residence: &residence,
-            sheets: |_: &Optics| Err(Error::Cancelled),
-            supersample: 1,
+        let scene = Scene::new(picture(1500, 1000), 3, 1);
+        let (method, cancel) = (taps(), Cancel::default());
+        let start = |gpu: &Arc<Gpu>| {
+            let job = Job { gpu, scene: &scene, method: &method, simd: Simd::Portable, cancel: &cancel };
+            let imaging = lens();
+            let exposure = Exposure::new(&job, &imaging).unwrap();
+            exposure.start(&exposure.bands[0])
         };
-        let cancel = Cancel::default();
-        let pending = super::start(&gpu, &source, &lens().optics, &taps(), Simd::Portable, &cancel).unwrap();
+        let pending = start(&gpu).unwrap();
         gpu.device.destroy();
         let error = pending.wait(&cancel).err();
         assert!(matches!(error, Some(Error::Device(_))), "{error:?}");
         gpu.retire();
-        assert!(
-            super::start(&Gpu::open(0).unwrap(), &source, &lens().optics, &taps(), Simd::Portable, &cancel)
-                .is_ok()
-        );
+        assert!(start(&Gpu::open(0).unwrap()).is_ok());
     });
 }
 

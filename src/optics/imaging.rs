@@ -29,6 +29,11 @@ pub struct Barrel {
 }
 
 impl Barrel {
+    /// The same for the part of the frame that begins with row `y`.
+    pub fn from_row(&self, y: usize) -> Barrel {
+        Barrel { centre: [self.centre[0], self.centre[1] - y as f64], ..*self }
+    }
+
     /// The centre of the second stop, as seen from a pixel.
     #[inline(always)]
     pub fn stop(&self, x: f64, y: f64) -> [f64; 2] {
@@ -76,6 +81,15 @@ pub struct Imaging {
 }
 
 impl Imaging {
+    /// The same for the part of the frame that begins with row `y`.
+    pub fn from_row(&self, y: usize) -> Imaging {
+        let moved = |[cx, cy]: [f64; 2]| [cx, cy - y as f64];
+        let surface = FocusSurface { centre: moved(self.surface.centre), ..self.surface };
+        let barrel = self.barrel.map(|own| own.from_row(y));
+        let falloff = self.falloff.map(|own| Falloff { centre: moved(own.centre), ..own });
+        Imaging { surface, barrel, falloff, ..*self }
+    }
+
     /// The lens as one channel has it. Channels beyond three, coverage, are green's.
     pub fn optics_of(&self, channel: usize) -> Optics {
         let axial = self.axial_color.get(channel).unwrap_or(&self.axial_color[1]);

@@ -107,6 +107,16 @@ impl Settings {
         Ok(Settings { shape, threshold_px, max_coc_px })
     }
 
+    /// The radius above which pixels are drawn as sprites.
+    pub fn threshold_px(&self) -> f64 {
+        self.threshold_px
+    }
+
+    /// The radius at which circles of confusion are cut.
+    pub fn max_coc_px(&self) -> f64 {
+        self.max_coc_px
+    }
+
     /// Signed radius of the circle of confusion as it is drawn.
     pub fn cut(&self, coc_px: f64) -> f32 {
         coc_px.clamp(-self.max_coc_px, self.max_coc_px) as f32

@@ -6,7 +6,7 @@ use crate::color::{Sample, Transfer};
 use crate::cpu::rows::{bands, with_channels};
 use crate::cpu::simd::Simd;
 use crate::depth::{DepthKind, Invalid, Rays, disparities, disparity_plane};
-use crate::memory;
+use crate::memory::Buffer;
 use crate::optics::{Base, Frame, Lens};
 use crate::picture::{Layer, Picture, Size};
 use half::f16;
@@ -199,8 +199,8 @@ fn in_order<T: Sample, R>(view: &ArrayViewD<'_, T>, read: impl FnOnce(&[T]) -> R
 }
 
 /// Takes one layer of interleaved colour apart into planes; also whether all of it is finite.
-fn color_planes<T: Sample>(samples: &[T], size: Size, transfer: Transfer, simd: Simd) -> (Vec<f32>, bool) {
-    let mut planes = memory::zeros(size.pixels() * size.channels);
+fn color_planes<T: Sample>(samples: &[T], size: Size, transfer: Transfer, simd: Simd) -> (Buffer<f32>, bool) {
+    let mut planes = Buffer::unset(size.pixels() * size.channels);
     let mut rows = bands(planes.chunks_mut(size.pixels()), size.width);
     let samples = samples.par_chunks(size.width * size.channels);
     let finite = rows.par_iter_mut().zip(samples).map(|(rows, samples)| {
@@ -289,7 +289,7 @@ fn read_layer_color(
     shape: &ColorShape,
     layer: usize,
     format: &ColorFormat,
-) -> PyResult<Vec<f32>> {
+) -> PyResult<Buffer<f32>> {
     let size = shape.size;
     let simd = simd()?;
     let (mut planes, finite) = with_sample_type!(format.sample_type, T => view::<T, _>(array, |view| {
@@ -392,7 +392,7 @@ pub fn read_invalid(name: &str) -> PyResult<Invalid> {
 pub struct DepthPlanes {
     pub width: usize,
     pub height: usize,
-    pub planes: Vec<Vec<f32>>,
+    pub planes: Vec<Buffer<f32>>,
 }
 
 /// Reads depth as it is, without taking it for anything.
@@ -414,7 +414,7 @@ pub fn read_depth(depth: &Bound<'_, PyAny>) -> PyResult<DepthPlanes> {
     }
     let planes = with_sample_type!(sample_type, T => view::<T, _>(array, |view| {
         let layer = |i: usize| if view.ndim() == 3 { view.index_axis(Axis(0), i) } else { view.view() };
-        let values = |v: &[T]| installed(|| v.par_iter().map(|d| d.to_code()).collect());
+        let values = |v: &[T]| installed(|| Buffer::of_each(v, |d| d.to_code()));
         (0..layers).map(|i| in_order(&layer(i), values)).collect::<PyResult<_>>()
     }))??;
     Ok(DepthPlanes { width, height, planes })
@@ -424,7 +424,7 @@ pub fn read_depth(depth: &Bound<'_, PyAny>) -> PyResult<DepthPlanes> {
 pub struct SeenDepth {
     pub width: usize,
     pub height: usize,
-    disparity: Vec<f32>,
+    disparity: Buffer<f32>,
     /// For a lens over relative disparity, which has no places, pixels.
     rays: Rays,
 }
@@ -459,9 +459,9 @@ pub struct Input {
     pub size: Size,
     pub format: ColorFormat,
     /// Colour planes of each layer.
-    color: Vec<Arc<Vec<f32>>>,
+    color: Vec<Arc<Buffer<f32>>>,
     /// Raw depth of each layer.
-    depth: Vec<Vec<f32>>,
+    depth: Vec<Buffer<f32>>,
 }
 
 impl Input {

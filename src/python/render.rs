@@ -377,7 +377,6 @@ impl PyScene {
         let geometry = self.frame.geometry(self.input.size);
         let imagings: Vec<Imaging> =
             lenses.iter().map(|lens| geometry.imaging(lens)).collect::<crate::error::Result<_>>()?;
-        self.device.place(method, &imagings)?;
         let scene = self.scene(first)?;
         let simd = simd()?;
         let (frame, size, device) = (self.frame, self.input.size, self.device);

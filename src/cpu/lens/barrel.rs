@@ -17,6 +17,7 @@ const DIRECTIONS: usize = 64;
 const POINTS: usize = 4096;
 
 /// The barrel before an opening.
+#[derive(Clone)]
 pub struct Clip {
     barrel: Barrel,
     aperture: Aperture,
@@ -89,19 +90,40 @@ impl Clip {
             return None;
         }
         Some(std::array::from_fn(|y| {
-            let down = y as f64 - middle[1];
-            let half = reach * reach - down * down;
-            if half < 0.0 {
-                return 0;
-            }
-            let (first, end) = (middle[0] - half.sqrt(), middle[0] + half.sqrt());
+            let Some([first, end]) = self.columns(pupil, origin.1 + y) else { return 0 };
             let bits = |n: f64| {
                 // The lowest bits up to, and without, n.
-                let n = n.clamp(0.0, TILE.0 as f64) as u32;
+                let n = (n - origin.0 as f64).clamp(0.0, TILE.0 as f64) as u32;
                 u64::MAX.checked_shr(TILE.0 as u32 - n).unwrap_or(0)
             };
-            bits(end.floor() + 1.0) & !bits(first.ceil())
+            bits(end) & !bits(first)
         }))
+    }
+
+    /// The first column of row `y` that sees the opening at `pupil`, and the one after the last; they may lie outside the
+    /// frame.
+    pub fn columns(&self, pupil: [f64; 2], y: usize) -> Option<[f64; 2]> {
+        let Barrel { centre, per_px } = self.barrel;
+        let middle = [0, 1].map(|i| pupil[i] / per_px + centre[i]);
+        let down = y as f64 - middle[1];
+        let half = per_px.powi(-2) - down * down;
+        (half >= 0.0).then(|| [(middle[0] - half.sqrt()).ceil(), (middle[0] + half.sqrt()).floor() + 1.0])
+    }
+
+    /// The open parts one after another, as shaders look them up, and how many directions and distances there are.
+    pub fn table(&self) -> (Vec<f32>, [usize; 2]) {
+        let values = self.open.iter().flatten().map(|v| *v as f32).collect();
+        (values, [DIRECTIONS, DISTANCES])
+    }
+
+    /// The same for the part of the frame that begins with row `y`.
+    pub fn from_row(&self, y: usize) -> Clip {
+        Clip { barrel: self.barrel.from_row(y), ..self.clone() }
+    }
+
+    /// The second stop.
+    pub fn barrel(&self) -> &Barrel {
+        &self.barrel
     }
 }
 

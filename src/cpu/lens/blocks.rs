@@ -6,6 +6,7 @@ use super::surfaces::EDGE;
 use crate::cpu::simd::Simd;
 use crate::picture::Size;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Side of a block.
 pub const BLOCK: usize = 16;
@@ -121,6 +122,20 @@ impl Blocks {
             occupied: all.iter().flat_map(|b| b.0.iter().copied()).collect(),
             range: all.iter().map(|b| b.1).collect(),
             smooth: all.iter().map(|b| b.2).collect(),
+        }
+    }
+
+    /// The blocks of some rows of the frame, which begin with a block.
+    pub fn rows(&self, rows: Range<usize>) -> Blocks {
+        let (first, end) = (rows.start / BLOCK, rows.end.div_ceil(BLOCK));
+        let blocks = first * self.across..end * self.across;
+        Blocks {
+            across: self.across,
+            down: end - first,
+            sheets: self.sheets,
+            occupied: self.occupied[blocks.start * self.sheets..blocks.end * self.sheets].to_vec(),
+            range: self.range[blocks.clone()].to_vec(),
+            smooth: self.smooth[blocks].to_vec(),
         }
     }
 

@@ -6,6 +6,7 @@
 use super::sheets::Sheet;
 use super::surfaces::{CONNECTED_PX, DOWN, EDGE, RIGHT};
 use crate::cpu::simd::Simd;
+use crate::memory::Buffer;
 use crate::picture::{Size, range};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -161,13 +162,13 @@ pub fn chunks(stretch: Range<usize>) -> impl Iterator<Item = Range<usize>> {
 
 /// The depths of one sheet's cells; both codes are 0 where there is none.
 pub struct Depths {
-    pub lo: Vec<u16>,
-    pub hi: Vec<u16>,
+    pub lo: Buffer<u16>,
+    pub hi: Buffer<u16>,
 }
 
 impl Depths {
     pub fn new(sheets: &[Sheet], size: Size, sheet: usize, codes: &Codes, simd: Simd) -> Depths {
-        let (mut lo, mut hi) = (vec![0u16; size.pixels()], vec![0u16; size.pixels()]);
+        let (mut lo, mut hi) = (Buffer::unset(size.pixels()), Buffer::unset(size.pixels()));
         let rows = lo.par_chunks_mut(size.width).zip(hi.par_chunks_mut(size.width));
         rows.enumerate().for_each(|(y, (lo, hi))| {
             let rows = Rows::new(&sheets[sheet].s, size, y);
@@ -176,6 +177,8 @@ impl Depths {
                     #[inline(always)]
                     || plain_depths(&rows, &chunk, codes, lo, hi),
                 ) else {
+                    lo[chunk.clone()].fill(0);
+                    hi[chunk].fill(0);
                     continue;
                 };
                 for x in chunk.clone().filter(|x| !plain[x - chunk.start]) {

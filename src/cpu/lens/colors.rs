@@ -1,6 +1,6 @@
 //! The colour of a sheet's cells: planes as they came, and the few cells that differ from them.
 
-use crate::memory;
+use crate::memory::Buffer;
 use crate::picture::Size;
 use std::ops::Range;
 use std::sync::Arc;
@@ -17,14 +17,14 @@ pub struct Own {
 pub struct Colors {
     size: Size,
     /// Planes of the frame; none where all cells are listed.
-    planes: Option<Arc<Vec<f32>>>,
+    planes: Option<Arc<Buffer<f32>>>,
     /// The cells that differ, by rising index.
     own: Vec<Own>,
 }
 
 impl Colors {
     /// Colours as planes.
-    pub fn new(size: Size, planes: Arc<Vec<f32>>) -> Colors {
+    pub fn new(size: Size, planes: Arc<Buffer<f32>>) -> Colors {
         Colors { size, planes: Some(planes), own: Vec::new() }
     }
 
@@ -47,13 +47,25 @@ impl Colors {
     pub fn of_channels(&self, channels: &[usize]) -> Colors {
         let n = self.size.pixels();
         let planes = self.planes.as_ref().map(|planes| {
-            Arc::new(channels.iter().flat_map(|&c| &planes[c * n..][..n]).copied().collect::<Vec<_>>())
+            let kept: Vec<_> = channels.iter().map(|&c| &planes[c * n..][..n]).collect();
+            Arc::new(Buffer::concat(&kept))
         });
         let own = self.own.iter().map(|cell| Own {
             index: cell.index,
             color: std::array::from_fn(|i| channels.get(i).map_or(0.0, |&c| cell.color[c])),
         });
         Colors { size: Size { channels: channels.len(), ..self.size }, planes, own: own.collect() }
+    }
+
+    /// The rows of these pixels alone, of a frame of this size.
+    pub fn rows(&self, pixels: Range<usize>, size: Size) -> Colors {
+        let planes = self.planes.as_ref().map(|planes| {
+            let of_plane = planes.chunks(self.size.pixels()).map(|plane| &plane[pixels.clone()]);
+            Arc::new(Buffer::concat(&of_plane.collect::<Vec<_>>()))
+        });
+        let own = self.own(pixels.clone()).iter();
+        let own = own.map(|cell| Own { index: cell.index - pixels.start, ..*cell }).collect();
+        Colors { size, planes, own }
     }
 
     /// Whether only listed cells have a colour.
@@ -96,11 +108,11 @@ impl Colors {
     }
 
     /// All colours as planes.
-    pub fn to_planes(&self) -> Vec<f32> {
+    pub fn to_planes(&self) -> Buffer<f32> {
         let n = self.size.pixels();
         let mut all = match &self.planes {
-            Some(planes) => Vec::clone(planes),
-            None => memory::zeros(n * self.size.channels),
+            Some(planes) => Buffer::clone(planes),
+            None => Buffer::full(n * self.size.channels, 0.0),
         };
         for cell in &self.own {
             for c in 0..self.size.channels {
@@ -118,7 +130,7 @@ mod tests {
     #[test]
     fn listed_cells_win_over_planes_and_later_ones_over_earlier() {
         let size = Size { width: 3, height: 2, channels: 2 };
-        let planes = Arc::new((0..12).map(|v| v as f32).collect::<Vec<_>>());
+        let planes = Arc::new((0..12).map(|v| v as f32).collect::<Buffer<_>>());
         let own = |index: usize, v: f32| Own { index, color: [v, -v, 0.0, 0.0] };
         let colors =
             Colors::new(size, planes).with(vec![own(4, 50.0), own(1, 20.0)]).with(vec![own(4, 60.0)]);

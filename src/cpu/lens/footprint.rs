@@ -9,7 +9,7 @@ use super::sheets::Sheet;
 use super::surfaces::CONNECTED_PX;
 use crate::cpu::rows::bands;
 use crate::cpu::simd::Simd;
-use crate::memory;
+use crate::memory::Buffer;
 use crate::picture::Size;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -114,15 +114,13 @@ impl Footprint {
         }
         let n = size.pixels();
         let shift = |s: f32| (f64::from(s) - s_focus) as f32;
-        let wanted: Vec<f32> = sheet
-            .s
-            .par_iter()
-            .map(|&s| if s.is_nan() { 0.0 } else { (self.variance(shift(s)) - NEXT_CELLS).max(0.0) })
-            .collect();
+        let wanted = Buffer::of_each(&sheet.s, |&s| {
+            if s.is_nan() { 0.0 } else { (self.variance(shift(s)) - NEXT_CELLS).max(0.0) }
+        });
         let most = wanted.par_iter().copied().reduce(|| 0.0, f32::max);
 
         let mut done = 0.0f32;
-        let (mut color, mut source) = (memory::zeros(n * size.channels), colors.to_planes());
+        let (mut color, mut source) = (Buffer::unset(n * size.channels), colors.to_planes());
         for reach in REACHES {
             if most <= done {
                 break;

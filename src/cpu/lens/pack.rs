@@ -9,7 +9,7 @@ use super::sheets::{Sheet, Sheets};
 use crate::cpu::border::mirrored;
 use crate::cpu::rows::bands;
 use crate::cpu::simd::Simd;
-use crate::memory;
+use crate::memory::Buffer;
 use crate::picture::Size;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -80,9 +80,10 @@ pub fn images(i: usize, n: usize, pad: usize, extent: usize) -> impl Iterator<It
 pub struct PartialPlanes {
     /// One bit a cell, rows of `stride / 8` bytes.
     pub bits: Vec<u8>,
-    pub normal_x: Vec<f32>,
-    pub normal_y: Vec<f32>,
-    pub cut: Vec<f32>,
+    /// These mean something only where there is a half-plane.
+    pub normal_x: Buffer<f32>,
+    pub normal_y: Buffer<f32>,
+    pub cut: Buffer<f32>,
 }
 
 impl PartialPlanes {
@@ -95,9 +96,9 @@ impl PartialPlanes {
         let mut planes = PartialPlanes {
             // The sweep reads eight bytes at a time.
             bits: vec![0; cells / 8 + 8],
-            normal_x: vec![0.0; cells],
-            normal_y: vec![0.0; cells],
-            cut: vec![0.0; cells],
+            normal_x: Buffer::unset(cells),
+            normal_y: Buffer::unset(cells),
+            cut: Buffer::unset(cells),
         };
         let place = |index: usize| sheet.partial.partition_point(|(i, _)| *i < index);
         let rows = (planes.normal_x.par_chunks_mut(stride), planes.normal_y.par_chunks_mut(stride));
@@ -142,24 +143,29 @@ impl Present {
         self.blocks[py / BLOCK * self.across + px / BLOCK]
     }
 
-    /// The stretches of padded row `py` that are laid out.
-    fn stretches(&self, py: usize) -> impl Iterator<Item = Range<usize>> + '_ {
+    /// Padded row `py` in stretches that are laid out, or are not, altogether.
+    fn parts(&self, py: usize) -> impl Iterator<Item = (bool, Range<usize>)> + '_ {
         let row = &self.blocks[py / BLOCK * self.across..][..self.across];
         let mut end = 0;
-        row.chunk_by(|a, b| a == b).filter_map(move |same| {
+        row.chunk_by(|a, b| a == b).map(move |same| {
             let start = end;
             end += same.len();
-            same[0].then_some(start * BLOCK..end * BLOCK)
+            (same[0], start * BLOCK..end * BLOCK)
         })
+    }
+
+    /// The stretches of padded row `py` that are laid out.
+    fn stretches(&self, py: usize) -> impl Iterator<Item = Range<usize>> + '_ {
+        self.parts(py).filter_map(|(laid_out, stretch)| laid_out.then_some(stretch))
     }
 }
 
 /// One sheet, padded. A cell is the column of depths from `lo` to `hi`, in codes; both are 0 where there is none.
 pub struct PackedSheet {
-    pub lo: Vec<u16>,
-    pub hi: Vec<u16>,
-    /// Colour planes.
-    pub color: Vec<Vec<f32>>,
+    pub lo: Buffer<u16>,
+    pub hi: Buffer<u16>,
+    /// Colour planes, which mean something only where there is a cell.
+    pub color: Vec<Buffer<f32>>,
     pub partial: Option<PartialPlanes>,
     present: Present,
 }
@@ -187,12 +193,16 @@ fn parts(padding: &Padding, stretch: &Range<usize>) -> (Range<usize>, impl Itera
 /// Lays out the depths of a sheet.
 fn depths(depths: &Depths, sheet: &Sheet, padding: &Padding, present: Present) -> PackedSheet {
     let cells = padding.stride * padding.rows;
-    let plane = || if sheet.colors.is_list() { vec![0u16; cells] } else { memory::zeros(cells) };
-    let (mut lo, mut hi) = (plane(), plane());
+    let (mut lo, mut hi) = (Buffer::unset(cells), Buffer::unset(cells));
     let rows = lo.par_chunks_mut(padding.stride).zip(hi.par_chunks_mut(padding.stride));
     rows.enumerate().for_each(|(py, (lo, hi))| {
         let at = padding.row(py).0 * padding.width;
-        for stretch in present.stretches(py) {
+        for (laid_out, stretch) in present.parts(py) {
+            if !laid_out {
+                lo[stretch.clone()].fill(0);
+                hi[stretch].fill(0);
+                continue;
+            }
             let (inside, outside) = parts(padding, &stretch);
             let source = at + inside.start - padding.pad..at + inside.end - padding.pad;
             lo[inside.clone()].copy_from_slice(&depths.lo[source.clone()]);
@@ -360,9 +370,7 @@ impl PackedSheet {
     fn set_colors(&mut self, drawn: &Drawn, sheet: usize, padding: &Padding) {
         let (size, pad, stride) = (drawn.size, padding.pad, padding.stride);
         let cells = stride * padding.rows;
-        // Pages that no cell lies in are never touched.
-        let plane = || if drawn.colors[sheet].is_list() { vec![0.0f32; cells] } else { memory::zeros(cells) };
-        self.color = (0..size.channels).map(|_| plane()).collect();
+        self.color = (0..size.channels).map(|_| Buffer::unset(cells)).collect();
         let present = &self.present;
         let frame = pad * stride..(pad + size.height) * stride;
         let bands = bands(self.color.iter_mut().map(|plane| &mut plane[frame.clone()]), stride * BLOCK);

@@ -12,15 +12,16 @@ use super::unmix::{Frame, HalfPlane, Mixed, unmix};
 use crate::cancel::Cancel;
 use crate::cpu::simd::Simd;
 use crate::error::Result;
-use crate::memory;
+use crate::memory::Buffer;
 use crate::picture::{Layer, Picture, Size};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// One cell a pixel at most. Sheets of single channels share all but the colours.
 pub struct Sheet {
     /// Shift of every cell relative to infinity, in pixels; NaN where there is none.
-    pub s: Arc<Vec<f32>>,
+    pub s: Arc<Buffer<f32>>,
     /// Colour of every cell; zero where there is none.
     pub colors: Colors,
     /// The cells that cover their pixel in part, by rising index.
@@ -79,6 +80,41 @@ impl Sheets {
     }
 }
 
+impl Sheets {
+    /// The same cells in some rows, which begin with a block and end with one or with the frame. All that was found of the
+    /// whole frame stays as it is.
+    pub fn rows(&self, rows: Range<usize>) -> Sheets {
+        let width = self.size.width;
+        let pixels = rows.start * width..rows.end * width;
+        let size = Size { height: rows.len(), ..self.size };
+        let of = |sheet: &Sheet| {
+            let partial = sheet.partial.iter().filter(|(index, _)| pixels.contains(index));
+            let partial = partial.map(|(index, plane)| (index - pixels.start, *plane)).collect();
+            let links =
+                if sheet.links.is_empty() { Vec::new() } else { sheet.links[pixels.clone()].to_vec() };
+            Sheet {
+                s: Arc::new(Buffer::from(&sheet.s[pixels.clone()])),
+                colors: sheet.colors.rows(pixels.clone(), size),
+                partial: Arc::new(partial),
+                links: Arc::new(links),
+            }
+        };
+        let depths = self.depths.iter().map(|depths| Depths {
+            lo: Buffer::from(&depths.lo[pixels.clone()]),
+            hi: Buffer::from(&depths.hi[pixels.clone()]),
+        });
+        Sheets {
+            size,
+            sheets: self.sheets.iter().map(of).collect(),
+            opaque: self.opaque,
+            shifts: self.shifts,
+            codes: self.codes,
+            depths: Arc::new(depths.collect()),
+            blocks: Arc::new(self.blocks.rows(rows)),
+        }
+    }
+}
+
 /// The sheets of a picture under a lens of strength `k` pixels per unit of disparity.
 pub fn build(picture: &Picture, k: f64, simd: Simd, cancel: &Cancel) -> Result<Sheets> {
     match picture.layers.as_slice() {
@@ -87,10 +123,8 @@ pub fn build(picture: &Picture, k: f64, simd: Simd, cancel: &Cancel) -> Result<S
     }
 }
 
-fn scaled(disparity: &[f32], k: f64) -> Vec<f32> {
-    let mut s = memory::zeros(disparity.len());
-    s.par_iter_mut().zip(disparity).for_each(|(s, &d)| *s = (k * f64::from(d)) as f32);
-    s
+fn scaled(disparity: &[f32], k: f64) -> Buffer<f32> {
+    Buffer::of_each(disparity, |d| (k * f64::from(*d)) as f32)
 }
 
 /// One layer: edges are unmixed, and what lies hidden behind them is filled in.
@@ -120,8 +154,7 @@ fn from_one_layer(size: Size, layer: &Layer, k: f64, simd: Simd, cancel: &Cancel
 
     both.iter().for_each(|m| s[m.index] = m.s_front);
     behind.iter().for_each(|m| s[m.index] = m.s_back);
-    let mut back_s = memory::zeros(size.pixels());
-    back_s.par_iter_mut().for_each(|s| *s = f32::NAN);
+    let mut back_s = Buffer::full(size.pixels(), f32::NAN);
     both.iter().for_each(|m| back_s[m.index] = m.s_back);
     hidden.iter().for_each(|h| back_s[h.index] = h.s);
 
@@ -173,7 +206,7 @@ fn from_layers(size: Size, layers: &[Layer], k: f64, simd: Simd, cancel: &Cancel
             let mut s = scaled(&layer.disparity, k);
             let links = surfaces::links(&s, size.width, size.height);
             s.iter_mut().zip(coverage).filter(|(_, a)| **a <= 0.0).for_each(|(s, _)| *s = f32::NAN);
-            let mut color = Vec::clone(&layer.color);
+            let mut color = Buffer::clone(&layer.color);
             color.par_chunks_mut(n).for_each(|plane| {
                 for (c, &a) in plane.iter_mut().zip(coverage) {
                     *c = if a > 0.0 { *c / a } else { 0.0 };

@@ -2,11 +2,24 @@
 
 use crate::cpu::lens::{Sheet, Sheets};
 use crate::error::Result;
+use crate::gpu::commands::Bound::{Read, Write};
+use crate::gpu::commands::{Commands, groups, pixels};
 use crate::gpu::device::Gpu;
+use crate::gpu::shader::{Shader, shader, shared};
 use crate::memory;
 use crate::picture::Size;
 use rayon::prelude::*;
 use std::sync::Arc;
+
+pub const CHANNELS: Shader = shader!("lens/channels", [], [ChannelsParams]);
+
+shared! {
+    /// Of a choice of channels.
+    struct ChannelsParams {
+        size: [u32; 2],
+        channels: [u32; 2],
+    }
+}
 
 /// Stands for the shift of an empty cell, because shaders need not know of NaN.
 const NOWHERE: f32 = 1e30;
@@ -39,7 +52,7 @@ impl Cells {
             .depths
             .iter()
             .flat_map(|depths| {
-                depths.lo.iter().zip(&depths.hi).map(|(&lo, &hi)| u32::from(lo) | u32::from(hi) << 16)
+                depths.lo.iter().zip(depths.hi.iter()).map(|(&lo, &hi)| u32::from(lo) | u32::from(hi) << 16)
             })
             .collect();
         let codes = gpu.upload("the depths of all cells", &codes)?;
@@ -60,6 +73,26 @@ impl Cells {
         let colors = gpu.upload("the colours of all cells", &colors)?;
         let half_planes = gpu.upload("the half-planes of all cells", &half_planes(&sheets.sheets, n))?;
         Ok(Cells { size, sheets: sheets.sheets.len(), codes, shifts, links, colors, half_planes })
+    }
+
+    /// The same cells with one or two channels of their colours, for one job.
+    pub fn of_channels(&self, commands: &mut Commands, channels: &[usize]) -> Result<Cells> {
+        const NONE: u32 = 4;
+        let colors = commands.scratch::<[f32; 4]>("some channels of all cells", self.len())?;
+        let number = |i: usize| channels.get(i).map_or(NONE, |c| *c as u32);
+        let params = ChannelsParams { size: pixels(self.size), channels: [number(0), number(1)] };
+        let [across, down, _] = groups(self.size.width, self.size.height);
+        let buffers = [Read(&self.colors), Write(&colors)];
+        commands.pass(&CHANNELS, NONE as usize, &params, &buffers, [across, down, self.sheets as u32])?;
+        Ok(Cells {
+            size: Size { channels: channels.len(), ..self.size },
+            sheets: self.sheets,
+            codes: self.codes.clone(),
+            shifts: self.shifts.clone(),
+            links: self.links.clone(),
+            colors,
+            half_planes: self.half_planes.clone(),
+        })
     }
 
     /// Cells of all sheets.

@@ -1,7 +1,9 @@
 //! Bright points.
 
+use super::clip::Barrel;
 use super::kernels::Kernels;
 use super::{Frame, MAX_LOOPS, origin, per_pixel, pixels};
+use crate::aperture::Aperture;
 use crate::cpu::lens::blocks::BLOCK;
 use crate::cpu::lens::highlights::Highlights;
 use crate::error::Result;
@@ -9,8 +11,11 @@ use crate::gpu::commands::Bound::{Read, Write};
 use crate::gpu::commands::Commands;
 use crate::gpu::shader::{Shader, shader, shared};
 
-pub const HIGHLIGHTS: Shader =
-    shader!("lens/highlights", ["border", "lens/cells", "lens/kernels"], [HighlightsParams, Highlight, Tile]);
+pub const HIGHLIGHTS: Shader = shader!(
+    "lens/highlights",
+    ["border", "lens/cells", "lens/kernels", "lens/clip"],
+    [HighlightsParams, Highlight, Tile, Barrel]
+);
 
 shared! {
     struct HighlightsParams {
@@ -23,7 +28,8 @@ shared! {
         reach_px: f32,
         s_min: f32,
         step: f32,
-        _end: u32,
+        _gap: u32,
+        barrel: Barrel,
     }
 }
 
@@ -50,10 +56,11 @@ shared! {
 pub fn pass(
     commands: &mut Commands,
     frame: &Frame,
-    kernels: &Kernels,
+    kernels: Kernels,
     highlights: &Highlights,
+    aperture: &Aperture,
 ) -> Result<()> {
-    let Frame { cells, codes, plan, picture } = *frame;
+    let Frame { cells, codes, plan, clip, picture } = *frame;
     let gpu = commands.gpu;
     if highlights.all.is_empty() {
         return Ok(());
@@ -86,6 +93,8 @@ pub fn pass(
         })
         .collect();
     let nearest: Vec<u32> = plan.blocks.range.iter().map(|(_, nearest)| u32::from(*nearest)).collect();
+    // The table of open parts comes after the words of the discs.
+    let (barrel, open) = Barrel::new(clip, aperture.lean(), kernels.words.len());
     let params = HighlightsParams {
         size: pixels(cells.size),
         padded: [plan.padding.stride as u32, plan.padding.rows as u32],
@@ -96,9 +105,11 @@ pub fn pass(
         reach_px: plan.reach_px as f32,
         s_min: codes.s_min as f32,
         step: codes.step() as f32,
-        _end: 0,
+        _gap: 0,
+        barrel,
     };
-    let words = gpu.upload("the discs", &kernels.words)?;
+    let words =
+        gpu.upload("the discs", &[kernels.words, open.into_iter().map(f32::to_bits).collect()].concat())?;
     let all = gpu.upload("the highlights", &all)?;
     let lists = gpu.upload("the highlights of tiles", &lists)?;
     let nearest = gpu.upload("the depths of blocks", &nearest)?;

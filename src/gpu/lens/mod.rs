@@ -3,7 +3,8 @@
 //! The sheets stay on the device; a focus costs what the plan takes. [`colors`] makes the cells' colours ready for it,
 //! then each tile is a [`copy`](self), an exact [`disc`] or a [`sweep`], and [`highlights`] are laid over them.
 
-mod cells;
+pub(super) mod cells;
+pub(super) mod clip;
 pub(super) mod colors;
 pub(super) mod disc;
 pub(super) mod highlights;
@@ -12,17 +13,20 @@ pub(super) mod sweep;
 
 pub use cells::Cells;
 
+use super::bands::Need;
 use super::commands::Bound::{Read, Write};
 use super::commands::{Commands, pixels};
 use super::resident::Resident;
 use super::shader::{Shader, shader, shared};
 use crate::cancel::Cancel;
+use crate::cpu::lens::blocks::BLOCK;
 use crate::cpu::lens::cells::Codes;
+use crate::cpu::lens::footprint::REACHES;
 use crate::cpu::lens::highlights::{Highlights, extract};
 use crate::cpu::lens::pack::TILE;
 use crate::cpu::lens::plan::Plan;
 use crate::cpu::lens::tiles::Work;
-use crate::cpu::lens::{Settings, Sheets};
+use crate::cpu::lens::{Clip, Settings, Sheets};
 use crate::cpu::simd::Simd;
 use crate::error::Result;
 use crate::optics::Optics;
@@ -59,6 +63,16 @@ pub struct Input<'a> {
     pub supersample: usize,
 }
 
+/// What it needs of a device: rays go as far as the largest circle of confusion, from tiles that begin with them; cells
+/// are widened by what all [`REACHES`] are together, and highlights told by the blocks around them.
+pub fn need(sheets: &Sheets, optics: &Optics) -> Need {
+    let s_focus = optics.k * optics.d_focus;
+    let reach_px = (sheets.shifts.0 - s_focus).abs().max((sheets.shifts.1 - s_focus).abs());
+    let beyond = REACHES.iter().sum::<usize>() + 4 * BLOCK;
+    let bytes_per_px = size_of::<[f32; 4]>() * sheets.sheets.len();
+    Need { bytes_per_px, block_px: TILE.1, ..Need::reaching(reach_px.ceil() as usize + beyond) }
+}
+
 /// The picture.
 pub fn render(
     commands: &mut Commands,
@@ -82,16 +96,17 @@ pub fn render(
     let kernels = Kernels::new(sheets, &plan, &highlights, &settings.aperture);
     cancel.check()?;
 
+    let clip = settings.barrel.map(|barrel| Clip::new(barrel, &settings.aperture));
     let picture = commands.output(size)?;
     let dim = colors::dim(commands, cells, &dimmed)?;
     copy(commands, input.picture, &plan, &picture)?;
-    let frame = Frame { cells, codes: &sheets.codes, plan: &plan, picture: &picture };
+    let frame = Frame { cells, codes: &sheets.codes, plan: &plan, clip: clip.as_ref(), picture: &picture };
     disc::pass(commands, &frame, &kernels, dim.buffer(cells))?;
     if highlights_are_out {
         let drawn = colors::drawn(commands, cells, &plan, dim.buffer(cells))?;
         sweep::pass(commands, &frame, &drawn)?;
     }
-    highlights::pass(commands, &frame, &kernels, &highlights)?;
+    highlights::pass(commands, &frame, kernels, &highlights, &settings.aperture)?;
     Ok(picture)
 }
 
@@ -100,6 +115,8 @@ pub(super) struct Frame<'a> {
     cells: &'a Cells,
     codes: &'a Codes,
     plan: &'a Plan,
+    /// What the barrel hides, if anything.
+    clip: Option<&'a Clip>,
     picture: &'a wgpu::Buffer,
 }
 

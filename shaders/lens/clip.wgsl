@@ -1,0 +1,61 @@
+// What a lens's barrel hides of the opening: cpu/lens/barrel.rs. Of the pass that uses this is `open_value`: the table of
+// open parts, by the direction of the second stop and then by its distance.
+
+// The second stop: how far it is moved across the opening, in radii, and the table's size and place.
+struct Barrel {
+    centre: vec2<f32>,
+    per_px: f32,
+    first: u32,
+    // See `Aperture::leaning`.
+    lean: vec2<f32>,
+    directions: u32,
+    distances: u32,
+}
+
+const TAU: f32 = 6.283185307;
+
+fn clips(barrel: Barrel) -> bool {
+    return barrel.per_px > 0.0;
+}
+
+// The centre of the second stop, as seen from a pixel.
+fn stop_of(barrel: Barrel, at: vec2<f32>) -> vec2<f32> {
+    return barrel.per_px * (at - barrel.centre);
+}
+
+// The open part for one direction of the table.
+fn open_along(barrel: Barrel, direction: u32, apart: f32) -> f32 {
+    let i = min(u32(apart), barrel.distances - 1u);
+    let at = barrel.first + (direction % barrel.directions) * (barrel.distances + 1u) + i;
+    let nearer = open_value(at);
+    return nearer + (apart - f32(i)) * (open_value(at + 1u) - nearer);
+}
+
+// The part of the light of the opening that is seen with the second stop there.
+fn open_part(barrel: Barrel, stop: vec2<f32>) -> f32 {
+    let farthest = f32(barrel.distances);
+    let apart = min(length(stop) * 0.5 * farthest, farthest);
+    var turn = 0.0;
+    if any(stop != vec2(0.0)) {
+        turn = atan2(stop.y, stop.x) / TAU;
+    }
+    turn = (turn - floor(turn)) * f32(barrel.directions);
+    let direction = u32(turn);
+    let along = open_along(barrel, direction, apart);
+    return along + (turn - f32(direction)) * (open_along(barrel, direction + 1u, apart) - along);
+}
+
+// How much more than of the whole opening's light a pixel has of what it sees through lens point `l`, where the opening
+// is drawn `t` pixels large.
+fn clipped_share(barrel: Barrel, at: vec2<f32>, l: vec2<f32>, t: f32) -> f32 {
+    let stop = stop_of(barrel, at);
+    var pupil = l / (1.0 - length(barrel.lean) + dot(barrel.lean, l));
+    // A pixel on the rim of the lens itself is looked at half a pixel inside, where its light is.
+    let innermost = max(1.0 - 0.5 / abs(t), 0.0) / max(length(pupil), 1e-9);
+    pupil *= min(innermost, 1.0);
+    let open = open_part(barrel, stop);
+    if open <= 0.0 {
+        return 0.0;
+    }
+    return clamp(0.5 + abs(t) * (1.0 - length(pupil - stop)), 0.0, 1.0) / open;
+}

@@ -1,0 +1,46 @@
+//! The picture darkened away from the axis; as [`cpu::falloff`](crate::cpu::falloff).
+
+use super::commands::Bound::{Read, Write};
+use super::commands::{Commands, groups, pixels};
+use super::lens::clip::Barrel;
+use super::shader::{Shader, shader, shared};
+use crate::cpu::lens::Clip;
+use crate::error::Result;
+use crate::optics::Falloff;
+use crate::picture::Size;
+
+pub const FALLOFF: Shader = shader!("falloff", ["lens/clip"], [Params, Barrel]);
+
+shared! {
+    struct Params {
+        size: [u32; 2],
+        centre: [f32; 2],
+        per_focal: f32,
+        lights: u32,
+        _gap: [u32; 2],
+        barrel: Barrel,
+    }
+}
+
+/// Darkens the `lights` first channels of a picture.
+pub fn darken(
+    commands: &mut Commands,
+    picture: &wgpu::Buffer,
+    size: Size,
+    lights: usize,
+    falloff: &Falloff,
+    clip: Option<&Clip>,
+) -> Result<()> {
+    let (barrel, open) = Barrel::new(clip, [0.0; 2], 0);
+    let params = Params {
+        size: pixels(size),
+        centre: falloff.centre.map(|v| v as f32),
+        per_focal: falloff.natural_focal_px.map_or(0.0, f64::recip) as f32,
+        lights: lights as u32,
+        _gap: [0; 2],
+        barrel,
+    };
+    let open = commands.gpu.upload("the open parts", &open)?;
+    let on_all = groups(size.width, size.height);
+    commands.pass(&FALLOFF, size.channels, &params, &[Read(&open), Write(picture)], on_all)
+}

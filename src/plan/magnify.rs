@@ -1,0 +1,35 @@
+//! The picture at another size, for each channel its own: lateral colour, and a lens that breathes.
+
+use crate::cpu::border::mirrored;
+
+/// Where a row or column of the output comes from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Source {
+    /// Four neighbours.
+    pub places: [usize; 4],
+    /// What each counts.
+    pub weights: [f32; 4],
+}
+
+/// Catmull-Rom's cubic through four values, at `f` between the second and the third.
+fn weights(f: f64) -> [f32; 4] {
+    [
+        f * (-0.5 + f * (1.0 - 0.5 * f)),
+        1.0 + f * f * (-2.5 + 1.5 * f),
+        f * (0.5 + f * (2.0 - 1.5 * f)),
+        f * f * (-0.5 + 0.5 * f),
+    ]
+    .map(|w| w as f32)
+}
+
+/// The sources of `n` places under a magnification about `centre`.
+pub fn sources(n: usize, centre: f64, magnification: f64) -> Vec<Source> {
+    (0..n)
+        .map(|i| {
+            let at = centre + (i as f64 - centre) / magnification;
+            let first = at.floor();
+            let place = |k: usize| mirrored(first as i64 + k as i64 - 1, n).0;
+            Source { places: std::array::from_fn(place), weights: weights(at - first) }
+        })
+        .collect()
+}
