@@ -26,7 +26,7 @@ nb_execution_mode = "force"
 nb_execution_timeout = 300
 nb_execution_raise_on_error = True
 nb_execution_show_tb = True
-# Widgets would need scripts from elsewhere: a page shows the picture that they leave where scripts do not run.
+# Widgets would need scripts from elsewhere: pages show the picture that is left where scripts do not run.
 nb_ipywidgets_js: dict[str, dict[str, str]] = {}
 nb_mime_priority_overrides = [("html", "application/vnd.jupyter.widget-view+json", None)]
 nb_merge_streams = True

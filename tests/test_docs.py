@@ -1,6 +1,5 @@
 """The documentation builds without a warning, notebooks run, links lead somewhere, pages fit screens."""
 
-import shutil
 import subprocess
 import sys
 from functools import cache
@@ -22,7 +21,6 @@ for package in (
     pytest.importorskip(package, reason=f"the documentation needs its dependency group: no {package}")
 
 ROOT = Path(__file__).parents[1]
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 SIZES = {"desktop": (1280, 900), "phone": (390, 844)}
 
 
@@ -125,10 +123,8 @@ def test_every_public_name_is_in_the_reference(site):
                 assert f"{module.__name__}.{name}" in names
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium (Debian: chromium)")
-def test_pages_fit_desktops_and_phones(site):
+def test_pages_fit_desktops_and_phones(site, browser):
     """In a browser: nothing sticks out of the page, nothing is asked for elsewhere, no script fails."""
-    sync_api = pytest.importorskip("playwright.sync_api", reason="pages are looked at with Playwright")
     # Text that ends beyond the page's right edge, unless it can be scrolled into sight.
     sticking_out = """() => {
         const scrolls = (one) => ['auto', 'scroll'].includes(getComputedStyle(one).overflowX);
@@ -140,19 +136,15 @@ def test_pages_fit_desktops_and_phones(site):
             return text.getBoundingClientRect().right > window.innerWidth + 1;
         }).map((text) => text.textContent.slice(0, 60));
     }"""
-    with sync_api.sync_playwright() as playwright:
-        options = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync"]
-        options += ["--disable-background-networking", "--disable-component-update"]
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=options)
-        for width, height in SIZES.values():
-            page = browser.new_page(viewport={"width": width, "height": height})
-            requests, errors = [], []
-            page.on("request", lambda request, into=requests: into.append(request.url))
-            page.on("pageerror", lambda error, into=errors: into.append(str(error)))
-            for path in pages(site):
-                page.goto(path.as_uri())
-                assert page.evaluate("document.documentElement.scrollWidth") <= width, path.name
-                assert page.evaluate(sticking_out) == [], path.name
-            assert [url for url in requests if not url.startswith(("file:", "data:"))] == []
-            assert errors == []
-        browser.close()
+    for width, height in SIZES.values():
+        page = browser.new_page(viewport={"width": width, "height": height})
+        requests, errors = [], []
+        page.on("request", lambda request, into=requests: into.append(request.url))
+        page.on("pageerror", lambda error, into=errors: into.append(str(error)))
+        for path in pages(site):
+            page.goto(path.as_uri())
+            assert page.evaluate("document.documentElement.scrollWidth") <= width, path.name
+            assert page.evaluate(sticking_out) == [], path.name
+        assert [url for url in requests if not url.startswith(("file:", "data:"))] == []
+        assert errors == []
+        page.close()

@@ -333,7 +333,9 @@ def focal_stack(
     '2.5 m'
     """
     if len(pictures) != len(distances):
-        raise ValueError(f"there must be as many distances as pictures; got {len(distances)}, {len(pictures)}")
+        raise ValueError(
+            f"there must be as many distances as pictures; got {len(distances)}, {len(pictures)}"
+        )
     return _draw_pictures(list(pictures), [metres(float(distance)) for distance in distances], columns)
 
 
