@@ -5,6 +5,7 @@ use crate::cpu::lens::Sheets;
 use crate::cpu::simd::Simd;
 use crate::device::Device;
 use crate::error::{Result, value_error};
+use crate::memory::Buffer;
 use crate::optics::{Base, FocusSurface, Imaging, Lens, Optics};
 use crate::picture::Picture;
 use crate::{cpu, gpu, plan};
@@ -91,15 +92,6 @@ pub struct PassTime {
     pub seconds: f64,
 }
 
-/// One picture of a scene.
-#[derive(Debug, Clone)]
-pub struct Rendered {
-    /// Interleaved, premultiplied where it has coverage.
-    pub pixels: Vec<f32>,
-    /// The passes that made it, in order; empty on the CPU, and where a GPU keeps no time.
-    pub passes: Vec<PassTime>,
-}
-
 /// A picture as the focus surface of a lens has it, and its sheets for a lens of some strength.
 type Prepared = (f64, FocusSurface, Arc<Sheets>);
 
@@ -172,7 +164,9 @@ impl Scene {
         Ok(sheets)
     }
 
-    /// The scene through each of some lenses. The method has been [checked](Method::check).
+    /// The scene through each of some lenses, into a picture of `outs` each: interleaved, premultiplied where it has
+    /// coverage. The method has been [checked](Method::check). Returns the passes that made them, in order; none on the
+    /// CPU, and where a GPU keeps no time.
     pub fn render_each(
         &self,
         lenses: &[Imaging],
@@ -180,17 +174,79 @@ impl Scene {
         device: Device,
         simd: Simd,
         cancel: &Cancel,
-    ) -> Result<Vec<Rendered>> {
+        outs: Vec<&mut [f32]>,
+    ) -> Result<Vec<PassTime>> {
+        let all = lenses.iter().zip(outs);
         match device {
-            Device::Cpu => lenses.iter().map(|lens| self.on_cpu(lens, method, simd, cancel)).collect(),
-            Device::Gpu(adapter) => gpu::render_each(adapter, self, lenses, method, simd, cancel),
+            Device::Cpu => {
+                for (lens, out) in all {
+                    self.on_cpu(lens, method, simd, cancel, out)?;
+                }
+                Ok(Vec::new())
+            }
+            Device::Gpu(adapter) => gpu::render_each(adapter, self, all, method, simd, cancel),
         }
     }
 
-    fn on_cpu(&self, imaging: &Imaging, method: &Method, simd: Simd, cancel: &Cancel) -> Result<Rendered> {
-        let (size, surface) = (self.picture.size, &imaging.surface);
+    fn on_cpu(
+        &self,
+        imaging: &Imaging,
+        method: &Method,
+        simd: Simd,
+        cancel: &Cancel,
+        out: &mut [f32],
+    ) -> Result<()> {
+        if self.supersample == 1 {
+            return self.in_full(imaging, method, simd, cancel, out);
+        }
+        let mut full = self.unset();
+        self.in_full(imaging, method, simd, cancel, &mut full)?;
+        cpu::resolve::box_average(&full, self.picture.size, self.supersample, out);
+        Ok(())
+    }
+
+    /// Memory for the picture at its own size.
+    fn unset(&self) -> Buffer<f32> {
+        Buffer::unset(self.picture.size.pixels() * self.picture.size.channels)
+    }
+
+    /// The picture at its own size.
+    fn in_full(
+        &self,
+        imaging: &Imaging,
+        method: &Method,
+        simd: Simd,
+        cancel: &Cancel,
+        out: &mut [f32],
+    ) -> Result<()> {
+        let size = self.picture.size;
+        if imaging.is_magnified() {
+            let mut blurred = self.unset();
+            self.blurred(imaging, method, simd, cancel, &mut blurred)?;
+            let magnification = |channel| imaging.magnification_of(channel);
+            cpu::magnify::magnify(&blurred, size, imaging.surface.centre, magnification, cancel, out)?;
+        } else {
+            self.blurred(imaging, method, simd, cancel, out)?;
+        }
+        if let Some(falloff) = &imaging.falloff {
+            let clip = clip_of(imaging, method);
+            cpu::falloff::darken(out, size, self.lights, falloff, clip.as_ref());
+        }
+        Ok(())
+    }
+
+    /// What the method makes of the picture.
+    fn blurred(
+        &self,
+        imaging: &Imaging,
+        method: &Method,
+        simd: Simd,
+        cancel: &Cancel,
+        out: &mut [f32],
+    ) -> Result<()> {
+        let surface = &imaging.surface;
         let flattened = self.flattened(surface);
-        let mut full = by_focus(imaging, &flattened, |part| {
+        by_focus(imaging, &flattened, out, |part, out| {
             let (picture, optics, front) = (&part.picture, &part.optics, &part.picture.layers[0]);
             match method {
                 Method::Lens(settings) => {
@@ -200,46 +256,29 @@ impl Scene {
                         None => all,
                         Some(channels) => Arc::new(all.of_channels(channels)),
                     };
-                    cpu::lens::render(picture, &sheets, &optics, &settings, self.supersample, simd, cancel)
+                    let input = cpu::lens::Input { picture, sheets: &sheets, supersample: self.supersample };
+                    cpu::lens::render(&input, &optics, &settings, simd, cancel, out)
                 }
                 Method::Poisson(settings) => {
-                    cpu::poisson::render(front, picture.size, optics, settings, simd, cancel)
+                    cpu::poisson::render(front, picture.size, optics, settings, simd, cancel, out)
                 }
                 Method::Gaussian(settings) => {
-                    cpu::gaussian::render(front, picture.size, optics, settings, simd, cancel)
+                    cpu::gaussian::render(front, picture.size, optics, settings, simd, cancel, out)
                 }
                 Method::Taps(settings) => {
-                    cpu::taps::render(front, picture.size, optics, settings, simd, cancel)
+                    cpu::taps::render(front, picture.size, optics, settings, simd, cancel, out)
                 }
                 Method::Hexagonal(settings) => {
-                    cpu::hexagonal::render(front, picture.size, optics, settings, simd, cancel)
+                    cpu::hexagonal::render(front, picture.size, optics, settings, simd, cancel, out)
                 }
                 Method::Levels(settings) => {
-                    cpu::levels::render(front, picture.size, optics, settings, simd, cancel)
+                    cpu::levels::render(front, picture.size, optics, settings, simd, cancel, out)
                 }
                 Method::Sprites(settings) => {
-                    cpu::sprites::render(front, picture.size, optics, settings, simd, cancel)
+                    cpu::sprites::render(front, picture.size, optics, settings, simd, cancel, out)
                 }
             }
-        })?;
-        if imaging.is_magnified() {
-            full = cpu::magnify::magnify(
-                &full,
-                size,
-                surface.centre,
-                |channel| imaging.magnification_of(channel),
-                cancel,
-            )?;
-        }
-        if let Some(falloff) = &imaging.falloff {
-            let clip = clip_of(imaging, method);
-            cpu::falloff::darken(&mut full, size, self.lights, falloff, clip.as_ref());
-        }
-        let pixels = match self.supersample {
-            1 => full,
-            n => cpu::resolve::box_average(&full, size, n),
-        };
-        Ok(Rendered { pixels, passes: Vec::new() })
+        })
     }
 }
 
@@ -289,27 +328,29 @@ struct Part<'a> {
 fn by_focus(
     imaging: &Imaging,
     picture: &Picture,
-    render: impl Fn(&Part) -> Result<Vec<f32>>,
-) -> Result<Vec<f32>> {
+    out: &mut [f32],
+    render: impl Fn(&Part, &mut [f32]) -> Result<()>,
+) -> Result<()> {
     if !imaging.is_axially_chromatic() {
         let optics = imaging.optics_of(1);
-        return render(&Part { picture: Cow::Borrowed(picture), channels: None, optics });
+        return render(&Part { picture: Cow::Borrowed(picture), channels: None, optics }, out);
     }
     let channels = picture.size.channels;
-    let mut out = vec![0.0; picture.size.pixels() * channels];
     for color in 0..3 {
         let rendered = channels_at(color, channels);
-        let part = render(&Part {
+        let mut values = Buffer::unset(picture.size.pixels() * rendered.len());
+        let part = Part {
             picture: Cow::Owned(picture.of_channels(&rendered)),
             channels: Some(&rendered),
             optics: imaging.optics_of(color),
-        })?;
+        };
+        render(&part, &mut values)?;
         for (i, &channel) in rendered.iter().enumerate() {
             if channel == color || color == 1 {
-                let values = part.iter().skip(i).step_by(rendered.len());
+                let values = values.iter().skip(i).step_by(rendered.len());
                 out.iter_mut().skip(channel).step_by(channels).zip(values).for_each(|(out, v)| *out = *v);
             }
         }
     }
-    Ok(out)
+    Ok(())
 }

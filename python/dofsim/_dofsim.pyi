@@ -327,6 +327,7 @@ class Scene:
         method: Literal["lens"] = "lens",
         aperture: Aperture | None = None,
         threads: int | None = None,
+        out: NDArray[Any] | None = None,
         **options: Unpack[_LensOptions],
     ) -> NDArray[Any]: ...
     @overload
@@ -338,6 +339,7 @@ class Scene:
         method: Literal["poisson"],
         aperture: Aperture | None = None,
         threads: int | None = None,
+        out: NDArray[Any] | None = None,
         **options: Unpack[_PoissonOptions],
     ) -> NDArray[Any]: ...
     @overload
@@ -349,6 +351,7 @@ class Scene:
         method: Literal["gaussian"],
         aperture: Aperture | None = None,
         threads: int | None = None,
+        out: NDArray[Any] | None = None,
         **options: Unpack[_GaussianOptions],
     ) -> NDArray[Any]: ...
     @overload
@@ -360,6 +363,7 @@ class Scene:
         method: Literal["taps"],
         aperture: Aperture | None = None,
         threads: int | None = None,
+        out: NDArray[Any] | None = None,
         **options: Unpack[_TapsOptions],
     ) -> NDArray[Any]: ...
     @overload
@@ -371,6 +375,7 @@ class Scene:
         method: Literal["hexagonal"],
         aperture: Aperture | None = None,
         threads: int | None = None,
+        out: NDArray[Any] | None = None,
         **options: Unpack[_HexagonalOptions],
     ) -> NDArray[Any]: ...
     @overload
@@ -382,6 +387,7 @@ class Scene:
         method: Literal["levels"],
         aperture: Aperture | None = None,
         threads: int | None = None,
+        out: NDArray[Any] | None = None,
         **options: Unpack[_LevelsOptions],
     ) -> NDArray[Any]: ...
     @overload
@@ -393,6 +399,7 @@ class Scene:
         method: Literal["sprites"],
         aperture: Aperture | None = None,
         threads: int | None = None,
+        out: NDArray[Any] | None = None,
         **options: Unpack[_SpritesOptions],
     ) -> NDArray[Any]: ...
     @overload
@@ -405,6 +412,7 @@ class Scene:
         method: Literal["lens"] = "lens",
         aperture: Aperture | None = None,
         threads: int | None = None,
+        out: NDArray[Any] | None = None,
         **options: Unpack[_LensOptions],
     ) -> NDArray[Any]: ...
     @overload
@@ -417,6 +425,7 @@ class Scene:
         method: Literal["poisson"],
         aperture: Aperture | None = None,
         threads: int | None = None,
+        out: NDArray[Any] | None = None,
         **options: Unpack[_PoissonOptions],
     ) -> NDArray[Any]: ...
     @overload
@@ -429,6 +438,7 @@ class Scene:
         method: Literal["gaussian"],
         aperture: Aperture | None = None,
         threads: int | None = None,
+        out: NDArray[Any] | None = None,
         **options: Unpack[_GaussianOptions],
     ) -> NDArray[Any]: ...
     @overload
@@ -441,6 +451,7 @@ class Scene:
         method: Literal["taps"],
         aperture: Aperture | None = None,
         threads: int | None = None,
+        out: NDArray[Any] | None = None,
         **options: Unpack[_TapsOptions],
     ) -> NDArray[Any]: ...
     @overload
@@ -453,6 +464,7 @@ class Scene:
         method: Literal["hexagonal"],
         aperture: Aperture | None = None,
         threads: int | None = None,
+        out: NDArray[Any] | None = None,
         **options: Unpack[_HexagonalOptions],
     ) -> NDArray[Any]: ...
     @overload
@@ -465,6 +477,7 @@ class Scene:
         method: Literal["levels"],
         aperture: Aperture | None = None,
         threads: int | None = None,
+        out: NDArray[Any] | None = None,
         **options: Unpack[_LevelsOptions],
     ) -> NDArray[Any]: ...
     @overload
@@ -477,6 +490,7 @@ class Scene:
         method: Literal["sprites"],
         aperture: Aperture | None = None,
         threads: int | None = None,
+        out: NDArray[Any] | None = None,
         **options: Unpack[_SpritesOptions],
     ) -> NDArray[Any]: ...
     @overload
@@ -596,6 +610,7 @@ def render(
     overscan: int = 0,
     supersample: int = 1,
     threads: int | None = None,
+    out: NDArray[Any] | None = None,
     **options: Unpack[_LensOptions],
 ) -> NDArray[_Sample]: ...
 @overload
@@ -616,6 +631,7 @@ def render(
     overscan: int = 0,
     supersample: int = 1,
     threads: int | None = None,
+    out: NDArray[Any] | None = None,
     **options: Unpack[_PoissonOptions],
 ) -> NDArray[_Sample]: ...
 @overload
@@ -636,6 +652,7 @@ def render(
     overscan: int = 0,
     supersample: int = 1,
     threads: int | None = None,
+    out: NDArray[Any] | None = None,
     **options: Unpack[_GaussianOptions],
 ) -> NDArray[_Sample]: ...
 @overload
@@ -656,6 +673,7 @@ def render(
     overscan: int = 0,
     supersample: int = 1,
     threads: int | None = None,
+    out: NDArray[Any] | None = None,
     **options: Unpack[_TapsOptions],
 ) -> NDArray[_Sample]: ...
 @overload
@@ -676,6 +694,7 @@ def render(
     overscan: int = 0,
     supersample: int = 1,
     threads: int | None = None,
+    out: NDArray[Any] | None = None,
     **options: Unpack[_HexagonalOptions],
 ) -> NDArray[_Sample]: ...
 @overload
@@ -696,6 +715,7 @@ def render(
     overscan: int = 0,
     supersample: int = 1,
     threads: int | None = None,
+    out: NDArray[Any] | None = None,
     **options: Unpack[_LevelsOptions],
 ) -> NDArray[_Sample]: ...
 @overload
@@ -716,6 +736,7 @@ def render(
     overscan: int = 0,
     supersample: int = 1,
     threads: int | None = None,
+    out: NDArray[Any] | None = None,
     **options: Unpack[_SpritesOptions],
 ) -> NDArray[_Sample]: ...
 def methods_available() -> list[str]: ...

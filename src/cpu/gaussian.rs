@@ -26,7 +26,8 @@ pub fn render(
     settings: &Settings,
     simd: Simd,
     cancel: &Cancel,
-) -> Result<Vec<f32>> {
+    out: &mut [f32],
+) -> Result<()> {
     let plan = Plan::new(settings, optics);
     let input = Input { layer, size, half: (size.width.div_ceil(2), size.height.div_ceil(2)) };
     // Rows of the half-size copy, blurred along x: one line for each weighted colour and one for the weights.
@@ -45,6 +46,7 @@ pub fn render(
     )?;
     let across = Across { values: across, length, rows: input.half.1 };
     render_bands(
+        out,
         size,
         2 * BAND,
         cancel,

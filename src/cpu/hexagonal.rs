@@ -6,7 +6,6 @@ use super::simd::Simd;
 use super::tiles::{self, Tile};
 use crate::cancel::Cancel;
 use crate::error::Result;
-use crate::memory;
 use crate::optics::Optics;
 use crate::picture::{Layer, Size};
 use crate::plan::hexagonal::{Margin, Plan, Settings, Tap};
@@ -29,12 +28,12 @@ pub fn render(
     settings: &Settings,
     simd: Simd,
     cancel: &Cancel,
-) -> Result<Vec<f32>> {
+    out: &mut [f32],
+) -> Result<()> {
     let reach_px = optics.largest_radius_px(layer.disparity_range()).min(settings.max_coc_px) as f32;
     let frame = Frame { layer, size, optics, max_coc_px: settings.max_coc_px, tile: tile_size(reach_px) };
     let plan = Plan::new(settings, f64::from(reach_px));
-    let mut out = memory::zeros(size.pixels() * size.channels);
-    tiles::split(&mut out, size, frame.tile).par_iter_mut().try_for_each_init(
+    tiles::split(out, size, frame.tile).par_iter_mut().try_for_each_init(
         || Field::new(&plan, &frame),
         |field, tile| {
             cancel.check()?;
@@ -48,8 +47,7 @@ pub fn render(
             });
             Ok(())
         },
-    )?;
-    Ok(out)
+    )
 }
 
 /// Larger blurs read more around a tile, so that larger tiles waste less.

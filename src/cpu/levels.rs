@@ -19,7 +19,8 @@ pub fn render(
     settings: &Settings,
     simd: Simd,
     cancel: &Cancel,
-) -> Result<Vec<f32>> {
+    out: &mut [f32],
+) -> Result<()> {
     let plan = Plan::new(settings, optics.largest_radius_px(layer.disparity_range()));
 
     let small =
@@ -35,7 +36,7 @@ pub fn render(
     }
     let scratch = || Scratch::new(size, small, plan.scale);
     with_channels!(size.channels, C => {
-        render_rows(size, cancel, scratch, |scratch, y, out| {
+        render_rows(out, size, cancel, scratch, |scratch, y, out| {
             let disparity = &layer.disparity[y * size.width..][..size.width];
             simd.run(#[inline(always)] || levels(&plan, optics, disparity, &mut scratch.level));
             scratch.enlarge(simd, y, small, &half_way, &last);

@@ -16,7 +16,8 @@ pub fn magnify(
     centre: [f64; 2],
     magnification_of: impl Fn(usize) -> f64,
     cancel: &Cancel,
-) -> Result<Vec<f32>> {
+    out: &mut [f32],
+) -> Result<()> {
     let channels: Vec<(Vec<Source>, Vec<Source>)> = (0..size.channels)
         .map(|c| {
             let m = magnification_of(c);
@@ -24,6 +25,7 @@ pub fn magnify(
         })
         .collect();
     render_rows(
+        out,
         size,
         cancel,
         || (),
@@ -67,7 +69,10 @@ mod tests {
                 [v, v]
             })
             .collect();
-        magnify(&values, SIZE, [19.5, 14.5], |c| if c == 0 { m } else { 1.0 }, &Cancel::default()).unwrap()
+        let mut out = vec![0.0; values.len()];
+        let magnification = |c| if c == 0 { m } else { 1.0 };
+        magnify(&values, SIZE, [19.5, 14.5], magnification, &Cancel::default(), &mut out).unwrap();
+        out
     }
 
     #[test]

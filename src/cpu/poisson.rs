@@ -20,7 +20,8 @@ pub fn render(
     settings: &Settings,
     simd: Simd,
     cancel: &Cancel,
-) -> Result<Vec<f32>> {
+    out: &mut [f32],
+) -> Result<()> {
     let plan = Plan::new(settings, optics);
     // The colours, then disparity, then blurriness.
     let planes = Size { channels: size.channels + 2, ..size };
@@ -39,6 +40,7 @@ pub fn render(
     };
     let band = BAND.max(plan.margin);
     render_bands(
+        out,
         size,
         band,
         cancel,

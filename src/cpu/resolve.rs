@@ -4,12 +4,12 @@ use crate::picture::Size;
 use rayon::prelude::*;
 
 /// The mean of every `n` x `n` block of an interleaved picture.
-pub fn box_average(full: &[f32], size: Size, n: usize) -> Vec<f32> {
+pub fn box_average(full: &[f32], size: Size, n: usize, out: &mut [f32]) {
     let (width, channels) = (size.width / n, size.channels);
     let scale = 1.0 / (n * n) as f32;
-    let mut out = vec![0.0f32; width * (size.height / n) * channels];
     out.par_chunks_mut(width * channels).enumerate().for_each(|(y, row)| {
         for (x, pixel) in row.chunks_mut(channels).enumerate() {
+            pixel.fill(0.0);
             for j in 0..n {
                 let source = &full[((y * n + j) * size.width + x * n) * channels..][..n * channels];
                 for sample in source.chunks(channels) {
@@ -20,5 +20,4 @@ pub fn box_average(full: &[f32], size: Size, n: usize) -> Vec<f32> {
             }
         }
     });
-    out
 }

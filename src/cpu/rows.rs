@@ -2,40 +2,39 @@
 
 use crate::cancel::Cancel;
 use crate::error::Result;
-use crate::memory;
 use crate::picture::Size;
 use rayon::prelude::*;
 
 /// Rows that one worker takes at a time.
 const BAND: usize = 8;
 
-/// A new interleaved picture of `size` in bands of `rows` rows, each made by `band(scratch, first_y, out)`; every
-/// worker has a `scratch` of its own.
+/// An interleaved picture of `size` in bands of `rows` rows, each made by `band(scratch, first_y, out)`; every worker
+/// has a `scratch` of its own.
 pub fn render_bands<S>(
+    out: &mut [f32],
     size: Size,
     rows: usize,
     cancel: &Cancel,
     scratch: impl Fn() -> S + Sync + Send,
     band: impl Fn(&mut S, usize, &mut [f32]) + Sync + Send,
-) -> Result<Vec<f32>> {
+) -> Result<()> {
     let length = size.width * size.channels;
-    let mut out = memory::zeros(size.height * length);
     out.par_chunks_mut(rows * length).enumerate().try_for_each_init(scratch, |scratch, (i, out)| {
         cancel.check()?;
         band(scratch, i * rows, out);
         Ok(())
-    })?;
-    Ok(out)
+    })
 }
 
-/// A new interleaved picture of `size`, each row made by `row(scratch, y, out)`; every worker has a `scratch` of its own.
+/// An interleaved picture of `size`, each row made by `row(scratch, y, out)`; every worker has a `scratch` of its own.
 pub fn render_rows<S>(
+    out: &mut [f32],
     size: Size,
     cancel: &Cancel,
     scratch: impl Fn() -> S + Sync + Send,
     row: impl Fn(&mut S, usize, &mut [f32]) + Sync + Send,
-) -> Result<Vec<f32>> {
-    render_bands(size, BAND, cancel, scratch, |scratch, first, out| {
+) -> Result<()> {
+    render_bands(out, size, BAND, cancel, scratch, |scratch, first, out| {
         for (i, out) in out.chunks_mut(size.width * size.channels).enumerate() {
             row(scratch, first + i, out);
         }

@@ -23,7 +23,8 @@ pub fn render(
     settings: &Settings,
     simd: Simd,
     cancel: &Cancel,
-) -> Result<Vec<f32>> {
+    out: &mut [f32],
+) -> Result<()> {
     let coc = |d: f32| settings.cut(-optics.shift_px(f64::from(d)));
     let list = List::new(layer, size, settings, coc);
     cancel.check()?;
@@ -31,7 +32,7 @@ pub fn render(
         let targets = accumulate::<C>(&list, layer, size, simd, cancel)?;
         let scratch = || Scratch::new::<C>(targets.width);
         // What is not in front first, for it also shows past the edges of what is.
-        let mut picture = render_rows(size, cancel, scratch, |scratch, y, out| {
+        render_rows(out, size, cancel, scratch, |scratch, y, out| {
             if list.any_behind() {
                 scratch.enlarge(simd, y, &targets, Depth::Behind);
             }
@@ -49,8 +50,8 @@ pub fn render(
                 let coc = coc(layer.disparity[i]);
                 if coc < 0.0 { (settings.drawn(coc), -coc) } else { (0.0, 0.0) }
             };
-            let surroundings = Surroundings::<C>::new(&picture, size, |i| 1.0 - drawn(i).0);
-            let rows = picture.par_chunks_mut(size.width * C).enumerate();
+            let surroundings = Surroundings::<C>::new(out, size, |i| 1.0 - drawn(i).0);
+            let rows = out.par_chunks_mut(size.width * C).enumerate();
             rows.try_for_each_init(scratch, |scratch, (y, row)| {
                 cancel.check()?;
                 scratch.enlarge(simd, y, &targets, Depth::InFront);
@@ -64,7 +65,7 @@ pub fn render(
                 Ok(())
             })?;
         }
-        Ok(picture)
+        Ok(())
     })
 }
 

@@ -20,7 +20,8 @@ pub fn render(
     settings: &Settings,
     simd: Simd,
     cancel: &Cancel,
-) -> Result<Vec<f32>> {
+    out: &mut [f32],
+) -> Result<()> {
     let plan = Plan::new(settings, optics);
     // The colours, and the blur factor as the last plane.
     let planes = Size { channels: size.channels + 1, ..size };
@@ -35,7 +36,7 @@ pub fn render(
         }
     };
     let scratch = || Window::new(planes, BAND, plan.margin);
-    render_bands(size, BAND, cancel, scratch, |window, first, out| {
+    render_bands(out, size, BAND, cancel, scratch, |window, first, out| {
         let length = size.width * size.channels;
         window.fill(first, out.len() / length, read);
         for (i, out) in out.chunks_mut(length).enumerate() {

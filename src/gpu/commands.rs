@@ -4,9 +4,8 @@ use super::device::{Gpu, lock};
 use super::shader::Shader;
 use crate::cancel::Cancel;
 use crate::error::Result;
-use crate::memory;
 use crate::picture::Size;
-use crate::render::{PassTime, Rendered};
+use crate::render::PassTime;
 use bytemuck::Pod;
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
@@ -276,8 +275,8 @@ pub struct Pending {
 }
 
 impl Pending {
-    /// Waits for the passes to end.
-    pub fn wait(self, cancel: &Cancel) -> Result<Rendered> {
+    /// Waits for the passes to end. What comes back goes to `out`, which is of its size.
+    pub fn wait(self, cancel: &Cancel, out: &mut [f32]) -> Result<Vec<PassTime>> {
         let gpu = &self.gpu;
         loop {
             let submission_index = Some(self.submission.clone());
@@ -288,14 +287,11 @@ impl Pending {
                 Err(error) => return Err(gpu.error(error)),
             }
         }
-        let pixels = self.values.read(gpu, |bytes| {
-            let mut values: Vec<f32> = memory::zeros(bytes.len() / size_of::<f32>());
+        self.values.read(gpu, |bytes| {
             let source: &[f32] = bytemuck::cast_slice(bytes);
-            values
-                .par_chunks_mut(COPIED)
+            out.par_chunks_mut(COPIED)
                 .zip(source.par_chunks(COPIED))
-                .for_each(|(values, source)| values.copy_from_slice(source));
-            values
+                .for_each(|(out, source)| out.copy_from_slice(source));
         })?;
         let passes = self.stamps.as_ref().map_or(Ok(Vec::new()), |stamps| {
             let seconds_per_tick = f64::from(gpu.queue.get_timestamp_period()) * 1e-9;
@@ -312,6 +308,6 @@ impl Pending {
         let mut spare = lock(&gpu.spare_back);
         spare.truncate(MAX_SPARE_BACK - 1);
         spare.insert(0, self.values.buffer);
-        Ok(Rendered { pixels, passes })
+        Ok(passes)
     }
 }

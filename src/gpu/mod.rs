@@ -35,7 +35,7 @@ use crate::cpu::simd::Simd;
 use crate::error::{Error, Result};
 use crate::optics::{Imaging, Optics};
 use crate::picture::{Picture, Size};
-use crate::render::{self, Method, Rendered, Scene};
+use crate::render::{self, Method, PassTime, Scene};
 use bands::{Band, Need};
 use commands::{Commands, Pending};
 use device::Gpu;
@@ -43,42 +43,36 @@ use magnify::Sources;
 use resident::Resident;
 use std::sync::Arc;
 
-/// A scene through each of some lenses, from the adapter that is the `adapter`th of [`adapters::all`]. One picture, or
-/// one band of it, comes back while the next one is computed.
-pub fn render_each(
+/// A scene through each of some lenses, from the adapter that is the `adapter`th of [`adapters::all`], with the times of
+/// all passes. One picture, or one band of it, comes back while the next one is computed.
+pub fn render_each<'a>(
     adapter: usize,
     scene: &Scene,
-    lenses: &[Imaging],
+    lenses: impl Iterator<Item = (&'a Imaging, &'a mut [f32])>,
     method: &Method,
     simd: Simd,
     cancel: &Cancel,
-) -> Result<Vec<Rendered>> {
+) -> Result<Vec<PassTime>> {
     let gpu = Gpu::open(adapter)?;
     let job = Job { gpu: &gpu, scene, method, simd, cancel };
     let work = || {
-        let mut rendered: Vec<Rendered> = Vec::with_capacity(lenses.len());
-        // Bands come back in order.
-        let mut finish = |(is_first, pending): (bool, Pending)| -> Result<()> {
-            let band = pending.wait(cancel)?;
-            match rendered.last_mut() {
-                Some(picture) if !is_first => {
-                    picture.pixels.extend_from_slice(&band.pixels);
-                    picture.passes.extend(band.passes);
-                }
-                _ => rendered.push(band),
-            }
+        let mut times = Vec::new();
+        let mut finish = |(pending, out): (Pending, &mut [f32])| -> Result<()> {
+            times.extend(pending.wait(cancel, out)?);
             Ok(())
         };
-        let mut running: Option<(bool, Pending)> = None;
-        for imaging in lenses {
+        let mut running: Option<(Pending, &mut [f32])> = None;
+        for (imaging, mut out) in lenses {
             let exposure = Exposure::new(&job, imaging)?;
-            for (i, band) in exposure.bands.iter().enumerate() {
+            for band in &exposure.bands {
                 let next = exposure.start(band)?;
-                running.replace((i == 0, next)).map_or(Ok(()), &mut finish)?;
+                let (own, behind) = out.split_at_mut(exposure.values_of(band));
+                out = behind;
+                running.replace((next, own)).map_or(Ok(()), &mut finish)?;
             }
         }
         running.map_or(Ok(()), &mut finish)?;
-        Ok(rendered)
+        Ok(times)
     };
     work().inspect_err(|error| {
         if matches!(error, Error::Device(_)) {
@@ -122,6 +116,12 @@ impl<'a> Exposure<'a> {
             exposure.sources.as_ref().map_or(rows.clone(), |sources| sources.of_rows(rows))
         })?;
         Ok(exposure)
+    }
+
+    /// How many values of the output a band makes.
+    fn values_of(&self, band: &Band) -> usize {
+        let (size, n) = (self.picture.size, self.job.scene.supersample);
+        band.rows.len() / n * (size.width / n) * size.channels
     }
 
     /// The lenses that the picture is rendered through.

@@ -36,9 +36,15 @@ fn taps() -> Method {
     Method::Taps(Settings::new(Variant::Thirteen, None).unwrap())
 }
 
+fn room(scene: &Scene) -> Vec<f32> {
+    vec![0.0; 3 * scene.picture.size.pixels()]
+}
+
 fn render(scene: &Scene, device: Device) -> crate::error::Result<Vec<f32>> {
-    let rendered = scene.render_each(&[lens()], &taps(), device, Simd::Portable, &Cancel::default())?;
-    Ok(rendered.into_iter().next().unwrap().pixels)
+    let mut out = room(scene);
+    let cancel = Cancel::default();
+    scene.render_each(&[lens()], &taps(), device, Simd::Portable, &cancel, vec![&mut out])?;
+    Ok(out)
 }
 
 /// Runs a test on the first adapter, if there is one.
@@ -82,7 +88,7 @@ fn a_device_that_is_lost_while_it_works_is_an_error() {
         };
         let pending = start(&gpu).unwrap();
         gpu.device.destroy();
-        let error = pending.wait(&cancel).err();
+        let error = pending.wait(&cancel, &mut room(&scene)).err();
         assert!(matches!(error, Some(Error::Device(_))), "{error:?}");
         gpu.retire();
         assert!(start(&Gpu::open(0).unwrap()).is_ok());
@@ -95,7 +101,8 @@ fn a_wait_can_be_cancelled() {
         let scene = Scene::new(picture(2000, 1500), 3, 1);
         let cancel = Cancel::default();
         cancel.cancel();
-        let result = scene.render_each(&[lens()], &taps(), Device::Gpu(0), Simd::Portable, &cancel);
+        let (lenses, device, mut out) = ([lens()], Device::Gpu(0), room(&scene));
+        let result = scene.render_each(&lenses, &taps(), device, Simd::Portable, &cancel, vec![&mut out]);
         // A device that is done before the first look has nothing to cancel.
         assert!(matches!(result, Ok(_) | Err(Error::Cancelled)), "{:?}", result.err());
         assert!(render(&scene, Device::Gpu(0)).is_ok());

@@ -12,8 +12,7 @@ use crate::picture::{Layer, Picture, Size};
 use half::f16;
 use numpy::ndarray::{ArrayViewD, Axis};
 use numpy::{
-    Element, PyArray1, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyUntypedArray,
-    PyUntypedArrayMethods, dtype,
+    Element, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods, dtype,
 };
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -58,6 +57,7 @@ macro_rules! with_sample_type {
         }
     };
 }
+pub(super) use with_sample_type;
 
 /// What the fourth channel is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -94,7 +94,8 @@ pub struct DepthWords<'a> {
     pub far: Option<f64>,
 }
 
-fn array<'a, 'py>(name: &str, value: &'a Bound<'py, PyAny>) -> PyResult<&'a Bound<'py, PyUntypedArray>> {
+/// The array that a caller gave for the argument `name`.
+pub fn array<'a, 'py>(name: &str, value: &'a Bound<'py, PyAny>) -> PyResult<&'a Bound<'py, PyUntypedArray>> {
     value.cast::<PyUntypedArray>().map_err(|_| {
         let kind = value.get_type();
         PyTypeError::new_err(format!("{name} must be a NumPy array; got {kind}"))
@@ -530,41 +531,4 @@ impl Input {
             .collect::<PyResult<_>>()?;
         Ok(Picture { size, layers })
     }
-}
-
-/// The finished picture as the user's own dtype and format.
-pub fn write_color<'py>(
-    py: Python<'py>,
-    mut pixels: Vec<f32>,
-    size: Size,
-    format: &ColorFormat,
-) -> PyResult<Bound<'py, PyAny>> {
-    let channels = size.channels;
-    if format.alpha == Alpha::Straight {
-        installed(|| {
-            pixels.par_chunks_mut(channels).for_each(|pixel| {
-                let alpha = pixel[channels - 1];
-                if alpha > 0.0 {
-                    pixel[..channels - 1].iter_mut().for_each(|v| *v /= alpha);
-                }
-            });
-        })?;
-    }
-    if format.transfer != Transfer::Linear {
-        installed(|| {
-            pixels.par_chunks_mut(channels).for_each(|pixel| {
-                let colors = channels.min(3);
-                pixel[..colors].iter_mut().for_each(|v| *v = format.transfer.encode(*v));
-            });
-        })?;
-    }
-    let shape =
-        if format.flat { vec![size.height, size.width] } else { vec![size.height, size.width, channels] };
-    if format.sample_type == SampleType::F32 {
-        return Ok(PyArray1::from_vec(py, pixels).reshape(shape)?.into_any());
-    }
-    Ok(with_sample_type!(format.sample_type, T => {
-        let samples: Vec<T> = installed(|| pixels.into_par_iter().map(T::from_code).collect())?;
-        PyArray1::from_vec(py, samples).reshape(shape)?.into_any()
-    }))
 }

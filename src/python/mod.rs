@@ -7,6 +7,7 @@ mod errors;
 mod files;
 mod lens;
 mod methods;
+mod output;
 mod render;
 mod run;
 

@@ -2,18 +2,19 @@
 
 use super::aperture::PyAperture;
 use super::arrays::{
-    ColorFormat, DepthWords, Input, read_depth, read_depth_kind, read_depth_words, read_invalid, write_color,
+    ColorFormat, DepthWords, Input, read_depth, read_depth_kind, read_depth_words, read_invalid,
 };
 use super::devices::read_device;
 use super::errors::DeviceError;
 use super::lens::PyLens;
 use super::methods::read_method;
-use super::run::{detached, installed, simd};
+use super::output::Output;
+use super::run::{installed, simd};
 use crate::depth::{DepthKind, Invalid, Rays, disparity_plane};
 use crate::device::Device;
 use crate::optics::{self, Base, Imaging, Lens};
 use crate::picture::Size;
-use crate::render::{Method, Rendered, Scene};
+use crate::render::{Method, PassTime, Scene};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -51,29 +52,16 @@ impl Frame {
         Ok(Frame { overscan, supersample })
     }
 
-    /// Size of the output.
-    fn output(&self, size: Size) -> Size {
-        let side = |n: usize| n / self.supersample - 2 * self.overscan;
-        Size { width: side(size.width), height: side(size.height), channels: size.channels }
+    /// Size of the output with its margin.
+    fn resolved(&self, size: Size) -> Size {
+        Size { width: size.width / self.supersample, height: size.height / self.supersample, ..size }
     }
 
     /// The picture as the lens has it: the field of view spans the output, whose pixels the picture divides.
     fn geometry(&self, size: Size) -> optics::Frame {
-        let Size { width, height, .. } = self.output(size);
+        let Size { width, height, .. } = self.resolved(size);
+        let (width, height) = (width - 2 * self.overscan, height - 2 * self.overscan);
         optics::Frame { width, height, finer: self.supersample, margin: self.overscan }
-    }
-
-    /// The output out of the resolved picture, which still has its margin.
-    fn crop(&self, resolved: Vec<f32>, size: Size) -> Vec<f32> {
-        if self.overscan == 0 {
-            return resolved;
-        }
-        let (width, output) = (size.width / self.supersample, self.output(size));
-        let row = |y: usize| ((y + self.overscan) * width + self.overscan) * size.channels;
-        (0..output.height)
-            .flat_map(|y| &resolved[row(y)..][..output.width * size.channels])
-            .copied()
-            .collect()
     }
 }
 
@@ -118,6 +106,9 @@ impl Frame {
 ///     The picture is this many times larger than the output along each axis, sampled at its pixels' centres.
 /// threads : int, optional
 ///     Worker threads; one per processor by default. The result does not depend on it.
+/// out : ndarray, optional
+///     A C-contiguous array of the result's shape and dtype to render into, which may be `color` itself. What it holds
+///     after an error is undefined.
 /// **options
 ///     Options of the method; see the notes.
 ///
@@ -210,7 +201,8 @@ impl Frame {
 /// (48, 64, 3)
 #[pyfunction]
 #[pyo3(signature = (color, depth, lens, *, method="lens", device="auto", aperture=None, depth_kind="z", near=None,
-    far=None, invalid="raise", alpha=None, transfer=None, overscan=0, supersample=1, threads=None, **options))]
+    far=None, invalid="raise", alpha=None, transfer=None, overscan=0, supersample=1, threads=None, out=None,
+    **options))]
 #[expect(clippy::too_many_arguments, reason = "the public function's own, keyword-only in Python")]
 pub fn render<'py>(
     py: Python<'py>,
@@ -229,6 +221,7 @@ pub fn render<'py>(
     overscan: usize,
     supersample: usize,
     threads: Option<usize>,
+    out: Option<&Bound<'py, PyAny>>,
     options: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let method = read_method(method, aperture, options)?;
@@ -245,7 +238,7 @@ pub fn render<'py>(
         overscan,
         supersample,
     )?;
-    scene.picture(py, &lens.core, &method, threads)
+    scene.picture(py, &lens.core, &method, threads, out)
 }
 
 /// Signed radius of the circle of confusion in pixels.
@@ -364,43 +357,43 @@ impl PyScene {
         &self.input.format
     }
 
-    /// The scene through lenses that differ in their focus alone.
-    fn rendered(
+    /// The scene through lenses that differ in their focus alone, as an array, and the passes that made it. The
+    /// pictures have an axis of their own if `stacked` says how many there are.
+    fn rendered<'py>(
         &self,
-        py: Python<'_>,
+        py: Python<'py>,
         lenses: &[Lens],
+        stacked: Option<usize>,
         method: &Method,
         threads: Option<usize>,
-    ) -> PyResult<Vec<Rendered>> {
-        let Some(first) = lenses.first() else { return Ok(Vec::new()) };
-        method.check(first, self.input.layers(), self.format().lights(self.input.size))?;
-        let geometry = self.frame.geometry(self.input.size);
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<(Bound<'py, PyAny>, Vec<PassTime>)> {
+        let size = self.input.size;
+        for lens in lenses.iter().take(1) {
+            method.check(lens, self.input.layers(), self.format().lights(size))?;
+        }
+        let geometry = self.frame.geometry(size);
         let imagings: Vec<Imaging> =
             lenses.iter().map(|lens| geometry.imaging(lens)).collect::<crate::error::Result<_>>()?;
-        let scene = self.scene(first)?;
-        let simd = simd()?;
-        let (frame, size, device) = (self.frame, self.input.size, self.device);
-        detached(py, threads, move |cancel| {
-            let rendered = scene.render_each(&imagings, method, device, simd, cancel)?.into_iter();
-            Ok(rendered.map(|one| Rendered { pixels: frame.crop(one.pixels, size), ..one }).collect())
+        let scene = self.scene(&lenses[0])?;
+        let (simd, device) = (simd()?, self.device);
+        let rendered = self.frame.resolved(size);
+        let output = Output { format: self.format(), rendered, margin: self.frame.overscan, stacked };
+        output.fill(py, out, threads, |outs, cancel| {
+            scene.render_each(&imagings, method, device, simd, cancel, outs)
         })
     }
 
-    /// A rendered picture in the format of the input.
-    fn written<'py>(&self, py: Python<'py>, rendered: Rendered) -> PyResult<Bound<'py, PyAny>> {
-        write_color(py, rendered.pixels, self.frame.output(self.input.size), self.format())
-    }
-
-    /// The scene through one lens, in the format of the input.
+    /// The scene through one lens.
     fn picture<'py>(
         &self,
         py: Python<'py>,
         lens: &Lens,
         method: &Method,
         threads: Option<usize>,
+        out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let mut rendered = self.rendered(py, std::slice::from_ref(lens), method, threads)?;
-        self.written(py, rendered.remove(0))
+        Ok(self.rendered(py, std::slice::from_ref(lens), None, method, threads, out)?.0)
     }
 }
 
@@ -438,7 +431,7 @@ impl PyScene {
     /// ----------
     /// lens : Lens
     ///     The lens.
-    /// method, aperture, threads, **options
+    /// method, aperture, threads, out, **options
     ///     As in the function `render`.
     ///
     /// Returns
@@ -450,7 +443,8 @@ impl PyScene {
     /// ------
     /// ValueError, TypeError
     ///     If an argument cannot be used.
-    #[pyo3(signature = (lens, *, method="lens", aperture=None, threads=None, **options))]
+    #[pyo3(signature = (lens, *, method="lens", aperture=None, threads=None, out=None, **options))]
+    #[expect(clippy::too_many_arguments, reason = "the public method's own, keyword-only in Python")]
     fn render<'py>(
         &self,
         py: Python<'py>,
@@ -458,10 +452,11 @@ impl PyScene {
         method: &str,
         aperture: Option<&PyAperture>,
         threads: Option<usize>,
+        out: Option<&Bound<'py, PyAny>>,
         options: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let method = read_method(method, aperture, options)?;
-        self.picture(py, &lens.core, &method, threads)
+        self.picture(py, &lens.core, &method, threads, out)
     }
 
     /// The scene through one lens focused at many distances.
@@ -474,7 +469,7 @@ impl PyScene {
     ///     The lens; its own focus does not matter.
     /// distances : sequence of float
     ///     Distances in focus in metres (disparities for a lens made by `Lens.from_disparity`).
-    /// method, aperture, threads, **options
+    /// method, aperture, threads, out, **options
     ///     As in the function `render`.
     ///
     /// Returns
@@ -486,7 +481,7 @@ impl PyScene {
     /// ------
     /// ValueError, TypeError
     ///     If an argument cannot be used.
-    #[pyo3(signature = (lens, distances, *, method="lens", aperture=None, threads=None, **options))]
+    #[pyo3(signature = (lens, distances, *, method="lens", aperture=None, threads=None, out=None, **options))]
     #[expect(clippy::too_many_arguments, reason = "the public method's own, keyword-only in Python")]
     fn focal_stack<'py>(
         &self,
@@ -496,6 +491,7 @@ impl PyScene {
         method: &str,
         aperture: Option<&PyAperture>,
         threads: Option<usize>,
+        out: Option<&Bound<'py, PyAny>>,
         options: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let method = read_method(method, aperture, options)?;
@@ -514,9 +510,7 @@ impl PyScene {
             Base::Relative { .. } => lens.core.focused_at_disparity(distance),
         });
         let lenses = focused.collect::<crate::error::Result<Vec<_>>>()?;
-        let rendered = self.rendered(py, &lenses, &method, threads)?;
-        let slices = rendered.into_iter().map(|one| self.written(py, one)).collect::<PyResult<Vec<_>>>()?;
-        py.import("numpy")?.call_method1("stack", (slices,))
+        Ok(self.rendered(py, &lenses, Some(lenses.len()), &method, threads, out)?.0)
     }
 
     /// What a render takes on the GPU, pass by pass.
@@ -549,9 +543,10 @@ impl PyScene {
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Vec<(&'static str, f64)>> {
         let method = read_method(method, aperture, options)?;
-        let rendered = self.rendered(py, std::slice::from_ref(&lens.core), &method, threads)?;
+        let lens = std::slice::from_ref(&lens.core);
+        let (_, passes) = self.rendered(py, lens, None, &method, threads, None)?;
         let mut times: Vec<(&'static str, f64)> = Vec::new();
-        for pass in rendered.iter().flat_map(|one| &one.passes) {
+        for pass in passes {
             let ms = 1e3 * pass.seconds;
             match times.iter_mut().find(|(name, _)| *name == pass.name) {
                 Some((_, total)) => *total += ms,

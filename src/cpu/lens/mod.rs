@@ -31,7 +31,6 @@ use crate::cpu::rows::{interleave, with_channels};
 use crate::cpu::simd::Simd;
 use crate::cpu::tiles::split;
 use crate::error::{Result, value_error};
-use crate::memory;
 use crate::optics::{Barrel, Optics};
 use crate::picture::Picture;
 use colors::Colors;
@@ -77,19 +76,27 @@ pub fn prepare(picture: &Picture, optics: &Optics, simd: Simd, cancel: &Cancel) 
     sheets::build(picture, optics.k, simd, cancel)
 }
 
-/// The picture through a lens, interleaved. One pixel of the output will average `supersample` of the picture along
-/// each axis, and so many fewer views are enough.
+/// What is rendered.
+pub struct Input<'a> {
+    /// The picture.
+    pub picture: &'a Picture,
+    /// What has been made of it.
+    pub sheets: &'a Sheets,
+    /// One pixel of the output will average so many along each axis, and so many fewer views are enough.
+    pub supersample: usize,
+}
+
+/// The picture through a lens, interleaved, into `out`.
 pub fn render(
-    picture: &Picture,
-    sheets: &Sheets,
+    input: &Input,
     optics: &Optics,
     settings: &Settings,
-    supersample: usize,
     simd: Simd,
     cancel: &Cancel,
-) -> Result<Vec<f32>> {
+    out: &mut [f32],
+) -> Result<()> {
+    let Input { picture, sheets, supersample } = *input;
     let size = picture.size;
-    let mut out = memory::zeros(size.pixels() * size.channels);
     cancel.check()?;
     let clip = settings.barrel.map(|barrel| Clip::new(barrel, &settings.aperture));
     let Plan { s_focus, reach_px, padding, blocks, tiles, view_sets, footprint, missed } =
@@ -135,7 +142,7 @@ pub fn render(
     };
 
     let scene = highlights::Scene { packed: &packed, s_focus, kernels: &kernels, clip: clip.as_ref() };
-    let mut slots = split(&mut out, size, TILE);
+    let mut slots = split(out, size, TILE);
     slots.par_iter_mut().zip(&tiles).enumerate().try_for_each_init(
         || (Segments::default(), Around::default(), TileColor::new(size.channels)),
         |(segments, around, color), (i, (slot, tile))| {
@@ -162,9 +169,7 @@ pub fn render(
             }
             Ok(())
         },
-    )?;
-    drop(slots);
-    Ok(out)
+    )
 }
 
 /// What discs are gathered from, without highlights or with them.

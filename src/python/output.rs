@@ -1,0 +1,158 @@
+//! Where pictures go: an array of the caller's, or a new one, in the caller's own dtype and format.
+
+use super::arrays::{Alpha, ColorFormat, SampleType, array, with_sample_type};
+use super::run::detached;
+use crate::cancel::Cancel;
+use crate::color::{Sample, Transfer};
+use crate::error::Result;
+use crate::memory::Buffer;
+use crate::picture::Size;
+use bytemuck::Pod;
+use half::f16;
+use numpy::ndarray::ArrayView1;
+use numpy::{
+    Element, PyArray1, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyUntypedArray,
+    PyUntypedArrayMethods, dtype,
+};
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyCapsule;
+use rayon::prelude::*;
+
+/// Pictures that are to be rendered, and where they go.
+pub struct Output<'a> {
+    pub format: &'a ColorFormat,
+    /// The size that is rendered.
+    pub rendered: Size,
+    /// Pixels on every side that are left out.
+    pub margin: usize,
+    /// How many pictures, along an axis of their own, if they have one.
+    pub stacked: Option<usize>,
+}
+
+impl Output<'_> {
+    /// The caller's array `out`, or a new one, with what `render` puts into the slices that it is given: a picture each, interleaved, linear and
+    /// premultiplied.
+    pub fn fill<'py, R: Send>(
+        &self,
+        py: Python<'py>,
+        out: Option<&Bound<'py, PyAny>>,
+        threads: Option<usize>,
+        render: impl FnOnce(Vec<&mut [f32]>, &Cancel) -> Result<R> + Send,
+    ) -> PyResult<(Bound<'py, PyAny>, R)> {
+        with_sample_type!(self.format.sample_type, T => {
+            let array = match out {
+                Some(out) => self.checked::<T>(out)?,
+                None => new_array::<T>(py, &self.shape())?,
+            };
+            let result = self.fill_array(py, &array, threads, render)?;
+            Ok((array.into_any(), result))
+        })
+    }
+
+    /// The size of what is left of a picture.
+    fn size(&self) -> Size {
+        let side = |n: usize| n - 2 * self.margin;
+        let Size { width, height, channels } = self.rendered;
+        Size { width: side(width), height: side(height), channels }
+    }
+
+    fn shape(&self) -> Vec<usize> {
+        let Size { width, height, channels } = self.size();
+        let stacked = self.stacked.into_iter().chain([height, width]);
+        stacked.chain((!self.format.flat).then_some(channels)).collect()
+    }
+
+    /// The caller's array, if the pictures can be written into it.
+    fn checked<'py, T: Element>(&self, out: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+        let untyped: &Bound<'py, PyUntypedArray> = array("out", out)?;
+        let (given, expected) = (untyped.dtype(), dtype::<T>(out.py()));
+        if !given.is_equiv_to(&expected) {
+            return Err(PyTypeError::new_err(format!(
+                "out must have the dtype of color, {expected}; got {given}"
+            )));
+        }
+        if untyped.shape() != self.shape() {
+            return Err(PyValueError::new_err(format!(
+                "out must have shape {:?}; got {:?}",
+                self.shape(),
+                untyped.shape()
+            )));
+        }
+        if !untyped.is_c_contiguous() {
+            return Err(PyValueError::new_err("out must be C-contiguous; numpy.empty makes such an array"));
+        }
+        Ok(out.cast::<PyArrayDyn<T>>()?.clone())
+    }
+
+    fn fill_array<'py, T: Sample + Element + Pod, R: Send>(
+        &self,
+        py: Python<'py>,
+        array: &Bound<'py, PyArrayDyn<T>>,
+        threads: Option<usize>,
+        render: impl FnOnce(Vec<&mut [f32]>, &Cancel) -> Result<R> + Send,
+    ) -> PyResult<R> {
+        let mut writable = array.try_readwrite().map_err(|_| {
+            PyValueError::new_err("out must be writable, and not be in use by another call at the same time")
+        })?;
+        let values: &mut [T] = writable.as_slice_mut()?;
+        let length = self.rendered.pixels() * self.rendered.channels;
+        detached(py, threads, move |cancel| {
+            if self.format.sample_type == SampleType::F32 && self.margin == 0 {
+                let linear: &mut [f32] = bytemuck::cast_slice_mut(values);
+                let result = render(linear.chunks_exact_mut(length).collect(), cancel)?;
+                self.encode(linear);
+                return Ok(result);
+            }
+            let mut linear = Buffer::unset(self.stacked.unwrap_or(1) * length);
+            let result = render(linear.chunks_exact_mut(length).collect(), cancel)?;
+            self.encode(&mut linear);
+            self.convert(&linear, values);
+            Ok(result)
+        })
+    }
+
+    /// From linear and premultiplied to what the caller has.
+    fn encode(&self, pixels: &mut [f32]) {
+        let ColorFormat { alpha, transfer, .. } = *self.format;
+        if alpha != Alpha::Straight && transfer == Transfer::Linear {
+            return;
+        }
+        let channels = self.rendered.channels;
+        pixels.par_chunks_mut(channels).for_each(|pixel| {
+            if alpha == Alpha::Straight && pixel[channels - 1] > 0.0 {
+                let (color, alpha) = pixel.split_at_mut(channels - 1);
+                color.iter_mut().for_each(|v| *v /= alpha[0]);
+            }
+            if transfer != Transfer::Linear {
+                pixel[..channels.min(3)].iter_mut().for_each(|v| *v = transfer.encode(*v));
+            }
+        });
+    }
+
+    /// Writes pictures without their margin in the caller's dtype.
+    fn convert<T: Sample>(&self, pixels: &[f32], out: &mut [T]) {
+        let (size, margin, channels) = (self.size(), self.margin, self.rendered.channels);
+        let source = |row: usize| {
+            let (picture, y) = (row / size.height, row % size.height + margin);
+            let first = (picture * self.rendered.height + y) * self.rendered.width + margin;
+            &pixels[first * channels..][..size.width * channels]
+        };
+        out.par_chunks_exact_mut(size.width * channels).enumerate().for_each(|(row, out)| {
+            out.iter_mut().zip(source(row)).for_each(|(out, v)| *out = T::from_code(*v));
+        });
+    }
+}
+
+/// A new array whose memory, when it is freed, is left to the next render.
+fn new_array<'py, T: Element + Pod + Send>(
+    py: Python<'py>,
+    shape: &[usize],
+) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+    let buffer = Buffer::<T>::unset(shape.iter().product());
+    let values: *const [T] = &*buffer;
+    let owner = PyCapsule::new_with_value(py, buffer, c"dofsim.Buffer")?;
+    // SAFETY: the values live on the heap, where they stay while the capsule lives, and nothing else refers to them.
+    let array = unsafe { PyArray1::borrow_from_array(&ArrayView1::from(&*values), owner.into_any()) };
+    array.reshape(shape)
+}
