@@ -277,7 +277,7 @@ def compare(
     regions = {"overall": np.ones(error.shape, bool)} if masks is None else dict(masks)
     numbers = _compare.measure_regions(result, reference, regions, border=border)
 
-    width, height = _size_of(error, width=5.0)
+    width, height = _size_of(error, width=3.9)
     below = 0.5 + 0.26 * len(numbers)
     figure = _figure((2 * width + 1.0, 2 * (height + 0.4) + below))
     grid = figure.add_gridspec(3, 2, height_ratios=(height, height, below))
@@ -377,7 +377,7 @@ def _draw_pictures(pictures: Sequence[NDArray[Any]], titles: Sequence[str], colu
         raise ValueError(f"columns must be greater than 0; got {columns}")
     columns = min(columns, len(pictures))
     rows = -(-len(pictures) // columns)
-    width, height = _size_of(np.asarray(pictures[0]), width=min(10.5 / columns, 5.5))
+    width, height = _size_of(np.asarray(pictures[0]), width=min(8.4 / columns, 5.0))
     figure = _figure((columns * width, rows * (height + 0.3)))
     for place, (title, picture) in enumerate(zip(titles, pictures, strict=True)):
         ax = figure.add_subplot(rows, columns, place + 1)
@@ -387,7 +387,7 @@ def _draw_pictures(pictures: Sequence[NDArray[Any]], titles: Sequence[str], colu
 
 
 def _figure(inches: tuple[float, float]) -> Figure:
-    return _Shown(figsize=inches, dpi=110, layout="constrained", facecolor="white")
+    return _Shown(figsize=inches, dpi=130, layout="constrained", facecolor="white")
 
 
 def _axes(ax: Axes | None, inches: tuple[float, float]) -> tuple[Figure, Axes]:
