@@ -1,7 +1,6 @@
 """How the documentation is built: `make docs`."""
 
 import sys
-from importlib.util import find_spec
 from pathlib import Path
 
 import dofsim
@@ -33,7 +32,7 @@ nb_merge_streams = True
 
 autodoc_typehints = "none"
 # Gigabytes that a page of documentation can do without.
-autodoc_mock_imports = [name for name in ("torch", "torchvision") if find_spec(name) is None]
+autodoc_mock_imports = ["torch", "torchvision"]
 autosummary_generate = False
 numpydoc_show_class_members = False
 numpydoc_xref_param_type = False
