@@ -262,7 +262,7 @@ def test_stale_frames_are_dropped(notebook):
 def test_a_preview_comes_quickly(notebook):
     """From the click to the reduced picture; the best of some, as other work may share the processors."""
     took = []
-    for at in (NEAR, FAR, NEAR, FAR, NEAR):
+    for at in (NEAR, FAR) * 4:
         notebook.root.evaluate(
             """(root) => {
                 root.addEventListener('pointerdown', () => { root.dataset.start = performance.now(); }, true);
