@@ -4,7 +4,7 @@ PYTHON ?= python3
 DEMO := .venv
 WORK := .venv-test
 PROFILE := dev-fast
-# Dependency groups to test with besides: torch.
+# Dependency groups to test with besides: docs, torch.
 EXTRAS ?=
 
 # Dependency groups came with pip 25.1.
@@ -20,14 +20,15 @@ LIBPYTHON = $(shell $(WORK)/bin/python -c 'import sysconfig as s, pathlib as p; 
 	found = (d / (v("LDLIBRARY") or "-")).is_file() or v("PYTHONFRAMEWORK"); print(d if found else "")')
 CARGO = PYO3_PYTHON="$(CURDIR)/$(WORK)/bin/python" cargo
 
-.PHONY: help demo gallery lenses test properties bench clean
+.PHONY: help demo docs gallery lenses test properties bench clean
 
 help:
 	@echo 'make demo     install into $(DEMO) and render the picture that comes with dofsim into dofsim-demo/'
 	@echo 'make gallery  draw that picture with every method into build/gallery/'
 	@echo 'make lenses   draw that picture through twelve lenses into build/lenses/'
-	@echo 'make test     check everything, in $(WORK); with EXTRAS=torch also against PyTorch'
-	@echo 'make properties  try the laws with many more inputs: CASES=2000 each'
+	@echo "make test     check everything, in $(WORK); with EXTRAS='docs torch' documentation and PyTorch, too"
+	@echo 'make docs     build the documentation into build/docs/html/'
+	@echo 'make properties  try the laws with CASES=2000 inputs each'
 	@echo 'make bench    speed and memory, as tables and in build/bench.json'
 	@echo 'make clean    remove what these made, but not the ray traced scenes in build/'
 
@@ -74,6 +75,10 @@ endif
 	$(WORK)/bin/mypy
 	$(WORK)/bin/python -m mypy.stubtest dofsim._dofsim
 	$(WORK)/bin/python -m pytest -ra
+
+docs: $(WORK)/.installed
+	$(WORK)/bin/python $(PIP) install --quiet --group docs
+	$(WORK)/bin/python -m sphinx -W --keep-going -b html -d build/docs/trees docs build/docs/html
 
 NO_LIBPYTHON = @echo 'SKIPPED: cargo test: this Python has no library to link with (Debian: python3-dev)'
 

@@ -1,6 +1,7 @@
-"""The adapter that GPU tests run on, and how many of them did."""
+"""The adapter that GPU tests run on, the browser that pages are looked at with, and how many of both did."""
 
 import os
+import shutil
 
 import dofsim
 import pytest
@@ -19,19 +20,41 @@ def gpu():
     return name
 
 
+@pytest.fixture(scope="session")
+def browser():
+    """Start the system's Chromium, driven by Playwright, which brings none of its own."""
+    sync_api = pytest.importorskip("playwright.sync_api", reason="pages are looked at with Playwright")
+    found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    if found is None:
+        pytest.skip("there is no Chromium (Debian: chromium)")
+    options = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync"]
+    options += ["--disable-background-networking", "--disable-component-update"]
+    with sync_api.sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=found, args=options)
+        yield chromium
+        chromium.close()
+
+
 def pytest_collection_modifyitems(items):
     for item in items:
-        if "gpu" in getattr(item, "fixturenames", ()):
-            item.add_marker(pytest.mark.gpu)
+        for need in ("gpu", "browser"):
+            if need in getattr(item, "fixturenames", ()):
+                item.add_marker(need)
 
 
 def pytest_terminal_summary(terminalreporter):
-    def count(outcome):
-        reports = terminalreporter.stats.get(outcome, [])
-        return sum("gpu" in report.keywords for report in reports if hasattr(report, "keywords"))
+    def count(need):
+        def of(outcome):
+            reports = terminalreporter.stats.get(outcome, [])
+            return sum(need in report.keywords for report in reports if hasattr(report, "keywords"))
 
-    ran, skipped = count("passed") + count("failed"), count("skipped")
+        return of("passed") + of("failed"), of("skipped")
+
+    ran, skipped = count("gpu")
     if ran or skipped:
         names = {device.id: str(device) for device in dofsim.devices()}
         where = f" on {names.get(adapter(), adapter())}" if ran else ""
         terminalreporter.write_line(f"GPU tests: {ran} ran{where}, {skipped} skipped")
+    ran, skipped = count("browser")
+    if ran or skipped:
+        terminalreporter.write_line(f"Browser tests: {ran} ran, {skipped} skipped")

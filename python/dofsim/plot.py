@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from ._dofsim import _DepthKind, _Invalid
 
-__all__ = ["aperture", "coc", "compare", "depth_of_field", "focal_stack"]
+__all__ = ["aperture", "coc", "compare", "depth_of_field", "focal_stack", "pictures"]
 
 _NEAR, _FAR = "#b5382f", "#2f62a8"
 _COC = ListedColormap(falsecolor.false_color(np.linspace(-1.0, 1.0, 256), 1.0) / 255.0)
@@ -277,7 +277,7 @@ def compare(
     regions = {"overall": np.ones(error.shape, bool)} if masks is None else dict(masks)
     numbers = _compare.measure_regions(result, reference, regions, border=border)
 
-    width, height = _size_of(error, width=5.0)
+    width, height = _size_of(error, width=3.9)
     below = 0.5 + 0.26 * len(numbers)
     figure = _figure((2 * width + 1.0, 2 * (height + 0.4) + below))
     grid = figure.add_gridspec(3, 2, height_ratios=(height, height, below))
@@ -332,25 +332,62 @@ def focal_stack(
     >>> figure.axes[1].get_title(loc="left")
     '2.5 m'
     """
-    if len(pictures) != len(distances) or not len(pictures):
+    if len(pictures) != len(distances):
         raise ValueError(
-            f"there must be pictures, and as many distances; got {len(pictures)} and {len(distances)}"
+            f"there must be as many distances as pictures; got {len(distances)}, {len(pictures)}"
         )
+    return _draw_pictures(list(pictures), [metres(float(distance)) for distance in distances], columns)
+
+
+def pictures(pictures: Mapping[str, NDArray[Any]], *, columns: int = 3) -> Figure:
+    """Draw pictures beside each other.
+
+    Parameters
+    ----------
+    pictures : mapping of str to ndarray
+        Pictures of one shape, (H, W) or (H, W, C), by what is written above them.
+    columns : int, optional
+        How many there are in a row.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The pictures with their titles.
+
+    Raises
+    ------
+    ValueError
+        If there is no picture.
+
+    Examples
+    --------
+    >>> import dofsim.plot
+    >>> import numpy as np
+    >>> figure = dofsim.plot.pictures({"black": np.zeros((24, 32)), "white": np.ones((24, 32))})
+    >>> figure.axes[1].get_title(loc="left")
+    'white'
+    """
+    return _draw_pictures(list(pictures.values()), list(pictures), columns)
+
+
+def _draw_pictures(pictures: Sequence[NDArray[Any]], titles: Sequence[str], columns: int) -> Figure:
+    if not pictures:
+        raise ValueError("pictures must be at least one")
     if columns < 1:
         raise ValueError(f"columns must be greater than 0; got {columns}")
     columns = min(columns, len(pictures))
     rows = -(-len(pictures) // columns)
-    width, height = _size_of(np.asarray(pictures[0]), width=10.5 / columns)
-    figure = _figure((columns * width, rows * (height + 0.35)))
-    for place, (picture, distance) in enumerate(zip(pictures, distances, strict=True)):
+    width, height = _size_of(np.asarray(pictures[0]), width=min(8.4 / columns, 5.0))
+    figure = _figure((columns * width, rows * (height + 0.3)))
+    for place, (title, picture) in enumerate(zip(titles, pictures, strict=True)):
         ax = figure.add_subplot(rows, columns, place + 1)
         _show(ax, _codes(picture))
-        ax.set_title(metres(float(distance)), loc="left", fontsize="medium")
+        ax.set_title(title, loc="left", fontsize="medium")
     return figure
 
 
 def _figure(inches: tuple[float, float]) -> Figure:
-    return _Shown(figsize=inches, dpi=110, layout="constrained", facecolor="white")
+    return _Shown(figsize=inches, dpi=130, layout="constrained", facecolor="white")
 
 
 def _axes(ax: Axes | None, inches: tuple[float, float]) -> tuple[Figure, Axes]:

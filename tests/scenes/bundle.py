@@ -105,7 +105,7 @@ def fingerprint(name: str) -> str:
     for module in (name, *RECIPES[name].uses, "camera", "capture", "shapes", "textures"):
         digest.update((Path(__file__).parent / f"{module}.py").read_bytes())
     for module in ("_peel", "_view"):
-        digest.update(resources.files("dofsim.mitsuba").joinpath(f"{module}.py").read_bytes())
+        digest.update((resources.files("dofsim") / "mitsuba" / f"{module}.py").read_bytes())
     return digest.hexdigest()
 
 

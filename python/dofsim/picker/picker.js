@@ -93,7 +93,10 @@ function render({ model, el }) {
     input.addEventListener("change", () => ask({ [name]: Number(input.value) }, false));
     return { label: element("label", {}, [text, input, value]), update };
   };
-  const signed = (value) => (value > 0 ? "+" : value < 0 ? "\u2212" : "") + Math.abs(value).toFixed(1).replace(".0", "");
+  const signed = (value) => {
+    const sign = value > 0 ? "+" : value < 0 ? "\u2212" : "";
+    return sign + Math.abs(value).toFixed(2).replace(/\.?0+$/, "");
+  };
   const sliders = [
     slider("stops", "opening", [...stops, 0.25], (value) => `${signed(value)} stops`),
     ...(hasBlades
@@ -115,7 +118,8 @@ function render({ model, el }) {
     edge.style.left = `${wiped}%`;
   };
 
-  const choice = element("select", { name: "overlay" }, overlays.map((value) => element("option", { value, textContent: NAMES[value] })));
+  const choices = overlays.map((value) => element("option", { value, textContent: NAMES[value] }));
+  const choice = element("select", { name: "overlay" }, choices);
   choice.addEventListener("change", () => ask({ overlay: choice.value }, false));
 
   const readout = element("div", { className: "readout" });

@@ -28,9 +28,13 @@ pub fn text(words: &Bound<'_, PyDict>, key: &str, default: &str) -> PyResult<Str
     words.get_item(key)?.map_or_else(|| Ok(default.to_owned()), |value| value.extract())
 }
 
-/// A scalar that a renderer keeps in an array of its own.
+/// A scalar that a renderer keeps in an array of its own, mostly of single precision: then as it was written, 0.1
+/// rather than 0.10000000149.
 pub fn scalar(value: &Bound<'_, PyAny>) -> PyResult<f64> {
-    value.extract().or_else(|_| value.get_item(0)?.extract())
+    let kept: f64 = value.extract().or_else(|_| value.get_item(0)?.extract())?;
+    let single = kept as f32;
+    let was_single = f64::from(single) == kept;
+    Ok(if was_single { single.to_string().parse().unwrap_or(kept) } else { kept })
 }
 
 /// Whether a value is the path of a file.
