@@ -1,8 +1,8 @@
 """How the time of a method grows with the radius of the blur, as a table and a plot.
 
 Run this file with the dependency group `bench` and matplotlib installed. The picture is the planes of
-`peers.py`; the lens is opened until the largest circle of confusion has the radius asked for. The peer in the
-same run is `cv2.GaussianBlur` with 25 x 25 pixels, whose time does not depend on it.
+`pictures.py`; the lens is opened until the largest circle of confusion has the radius asked for. The peer in
+the same run is `cv2.GaussianBlur` with 25 x 25 pixels, whose time does not depend on it.
 """
 
 import argparse
@@ -13,7 +13,7 @@ import dofsim
 import matplotlib as mpl
 from dofsim._dofsim import methods_available
 from matplotlib.figure import Figure
-from peers import HEIGHT, WIDTH, best_of, lens_of, planes
+from pictures import HEIGHT, WIDTH, best_of, lens_of, planes
 
 RADII_PX = (4, 8, 16, 32, 64)
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import dofsim
 import numpy as np
 from dofsim._dofsim import methods_available
-from peers import lens_of, planes
+from pictures import lens_of, planes
 
 SIZES = {"1080p": (1920, 1080), "4K": (3840, 2160), "small": (192, 108)}
 # Sizes with largest radii in pixels.

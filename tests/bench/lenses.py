@@ -1,6 +1,6 @@
 """What openings and flaws of the lens cost, as multiples of a thin lens with a round opening.
 
-Run this file with the dependency group `bench` installed. The picture is that of `peers.py`, which has edges
+Run this file with the dependency group `bench` installed. The picture is that of `pictures.py`, with edges
 everywhere; a ratio is taken between runs that follow each other, and the median of them is printed.
 """
 
@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import dofsim
 import numpy as np
-from peers import lens_of, planes
+from pictures import lens_of, planes
 
 RADIUS_PX = 20
 

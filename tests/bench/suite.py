@@ -23,7 +23,7 @@ from dofsim._dofsim import methods_available, simd_available
 from gather import gather
 from march import march
 from numpy.typing import NDArray
-from peers import disc, lens_of, planes, traced
+from pictures import disc, lens_of, planes, traced
 from scipy import signal
 from skimage import filters
 

@@ -1,31 +1,18 @@
-"""How fast dofsim renders full HD, beside plainer blurs of the same width; and the memory it takes.
+"""What is measured: a picture, lenses that blur it by so much, and how."""
 
-Run `make bench`, or this file with the dependency group `bench` installed. The picture is textured planes at
-several depths with edges between them, the lens is focused on the middle one. The peers, in the same run and
-on as many threads: the plain gather, where every pixel is the mean over its own disc, without visibility, by
-running sums in numba; and `cv2.filter2D` with the largest disc, the same for all pixels. Memory is the most
-held so far, beyond the picture itself. The first row is the first render of the process.
-"""
-
-import argparse
 import math
-import resource
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 
-import cv2
 import dofsim
-import numba
 import numpy as np
-from gather import gather
 from numpy.typing import NDArray
 
 WIDTH, HEIGHT = 1920, 1080
 FOCUS_M, FOV_DEG = 4.0, 42.0
 DEPTHS_M = (2.0, 2.7, 4.0, 8.0, 40.0)
-LARGEST_COC_PX = (4, 20, 64)
 
 
 def planes() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -90,58 +77,3 @@ def best_of(runs: int, work: Callable[[], object]) -> float:
         work()
         times.append(time.perf_counter() - start)
     return min(times)
-
-
-def peak_mib() -> float:
-    """Give the most memory that this process has held."""
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / (2**20 if sys.platform == "darwin" else 2**10)
-
-
-def main() -> None:
-    """Print a row for every width of blur."""
-    parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("--runs", type=int, default=3, help="the best of so many is taken")
-    parser.add_argument("--threads", type=int, help="threads of both; all by default")
-    parser.add_argument(
-        "--scene", help="a scene of tests/fidelity.py in place of the planes; may need Mitsuba"
-    )
-    arguments = parser.parse_args()
-    threads = arguments.threads or cv2.getNumThreads()
-    cv2.setNumThreads(threads)
-    numba.set_num_threads(threads)
-    color, depth = traced(arguments.scene) if arguments.scene else planes()
-    before = peak_mib()
-    megapixels = WIDTH * HEIGHT / 1e6
-    print(f"{WIDTH} x {HEIGHT}, {threads} threads, best of {arguments.runs}")
-    print(
-        f"{'largest CoC':>12}{'render':>10}{'':>13}{'memory':>11}"
-        f"{'plain gather':>16}{'ratio':>8}{'one disc':>12}{'ratio':>8}"
-    )
-    for largest in LARGEST_COC_PX:
-        lens = lens_of(largest, depth)
-
-        def render(lens: dofsim.Lens = lens) -> object:
-            return dofsim.render(color, depth, lens, threads=threads)
-
-        if largest == LARGEST_COC_PX[0]:
-            first = best_of(1, render)
-            print(
-                f"{largest:>9} px{first:>8.2f} s{megapixels / first:>8.2f} Mpx/s"
-                f"{peak_mib() - before:>7.0f} MiB"
-            )
-        seconds = best_of(arguments.runs, render)
-        memory = peak_mib() - before
-        radius_px = dofsim.coc(depth, lens)
-        gather(color, radius_px)
-        plain = best_of(arguments.runs, lambda radius_px=radius_px: gather(color, radius_px))
-        kernel = disc(largest)
-        one = best_of(arguments.runs, lambda kernel=kernel: cv2.filter2D(color, -1, kernel))
-        print(
-            f"{largest:>9} px{seconds:>8.2f} s{megapixels / seconds:>8.2f} Mpx/s{memory:>7.0f} MiB"
-            f"{plain:>14.2f} s{seconds / plain:>7.1f}x{one:>10.2f} s{seconds / one:>7.1f}x"
-        )
-
-
-if __name__ == "__main__":
-    main()
