@@ -51,7 +51,7 @@ def test_no_light_is_negative(call: Call):
 def test_what_is_in_focus_stays(call: Call):
     flat = np.full_like(call.depth, np.float32(call.lens.focus_distance))
     lens = call.lens.replace(focus_distance=float(flat.flat[0]))
-    # Disparity is rounded to single precision, 6e-8 of itself, at up to 12 m, while blur may grow within 0.1 m.
+    # Disparity is rounded to single precision, 6e-8 of itself, at up to 12 m; blur may grow within 0.1 m.
     # The flagship takes so little for none.
     atol = 0 if call.options["method"] == "lens" else 1e-5 * np.abs(call.color).max()
     np.testing.assert_allclose(call.render(depth=flat, lens=lens), call.color, rtol=0, atol=atol)
