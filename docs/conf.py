@@ -46,7 +46,17 @@ html_theme = "pydata_sphinx_theme"
 html_static_path = ["_static"]
 html_css_files = ["dofsim.css"]
 # Only the pages that have others beside them need the column on the left.
-_alone = ("index", "tutorial", "optics", "gallery", "performance", "promises", "architecture", "genindex", "search")
+_alone = (
+    "index",
+    "tutorial",
+    "optics",
+    "gallery",
+    "performance",
+    "promises",
+    "architecture",
+    "genindex",
+    "search",
+)
 html_sidebars: dict[str, list[str]] = {name: [] for name in _alone}
 html_show_sourcelink = False
 html_copy_source = False
