@@ -6,6 +6,7 @@ use super::cells::{self, CHUNK, Cell, Codes, Depths, Rows};
 use super::colors::Colors;
 use super::footprint::{self, Footprint};
 use super::sheets::{Sheet, Sheets};
+use super::unmix::area_below;
 use crate::cpu::border::mirrored;
 use crate::cpu::rows::bands;
 use crate::cpu::simd::Simd;
@@ -118,10 +119,13 @@ impl PartialPlanes {
         Some(planes)
     }
 
-    /// Whether a ray that passes cell `i` at `at`, from its centre, meets what the cell covers.
-    pub fn covers(&self, i: usize, at: [f32; 2]) -> bool {
-        self.bits[i / 8] >> (i % 8) & 1 == 0
-            || self.normal_x[i] * at[0] + self.normal_y[i] * at[1] <= self.cut[i]
+    /// How much of a beam one pixel wide, passing cell `i` at `at` from its centre, meets what the cell covers.
+    pub fn covered(&self, i: usize, at: [f32; 2]) -> f32 {
+        if self.bits[i / 8] >> (i % 8) & 1 == 0 {
+            return 1.0;
+        }
+        let normal = [self.normal_x[i], self.normal_y[i]];
+        area_below(normal, self.cut[i] - (normal[0] * at[0] + normal[1] * at[1]))
     }
 }
 
