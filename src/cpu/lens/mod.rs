@@ -35,12 +35,12 @@ use crate::error::{Result, value_error};
 use crate::optics::{Barrel, Optics};
 use crate::picture::Picture;
 use colors::Colors;
+use disc::Surface;
 use highlights::Highlights;
 use kernels::Kernels;
 use pack::{Packed, TILE};
 use plan::Plan;
 use rayon::prelude::*;
-use std::collections::BTreeSet;
 use sweep::{Looks, Segments, Start, TileColor};
 use tiles::Work;
 
@@ -127,20 +127,13 @@ pub fn render(
     let highlights = Highlights::new(highlights, &packed.padding, &tiles);
 
     let front = &sheets.sheets[0];
-    let gathered = tiles.iter().filter(|tile| tile.work == Work::Disc);
-    let mut keys: BTreeSet<i32> =
-        gathered.flat_map(|tile| disc::steps(&front.s, size, s_focus, tile.origin)).collect();
-    keys.extend(highlights.shifts().map(kernels::key));
-    let kernels = Kernels::new(&settings.aperture, keys);
-    let gather = disc::Gather {
-        size,
-        colors: &colors[0],
-        s: &front.s,
-        s_focus,
-        aperture: &settings.aperture,
-        kernels: &kernels,
-        simd,
-    };
+    let discs = tiles.par_iter().filter(|tile| tile.work == Work::Disc);
+    let discs = discs.map(|tile| Surface::new(&front.s, size, s_focus, tile.origin));
+    let surfaces: Vec<Surface> = discs.collect();
+    let keys = surfaces.iter().flat_map(Surface::keys).chain(highlights.shifts().map(kernels::key)).collect();
+    let level = surfaces.iter().filter_map(Surface::level);
+    let kernels = Kernels::new(&settings.aperture, s_focus, keys, level);
+    let gather = disc::Gather { size, colors: &colors[0], s: &front.s, s_focus, kernels: &kernels, simd };
 
     let scene = highlights::Scene { packed: &packed, s_focus, kernels: &kernels, clip: clip.as_ref() };
     let mut slots = split(out, size, TILE);
