@@ -41,7 +41,7 @@ use kernels::Kernels;
 use pack::{Packed, TILE};
 use plan::Plan;
 use rayon::prelude::*;
-use sweep::{Looks, Segments, Start, TileColor};
+use sweep::{Segments, Start, TileColor};
 use tiles::Work;
 
 /// The largest circle of confusion that is rendered.
@@ -138,8 +138,8 @@ pub fn render(
     let scene = highlights::Scene { packed: &packed, s_focus, kernels: &kernels, clip: clip.as_ref() };
     let mut slots = split(out, size, TILE);
     slots.par_iter_mut().zip(&tiles).enumerate().try_for_each_init(
-        || (Segments::default(), Looks::default(), Around::default(), TileColor::new(size.channels)),
-        |(segments, looks, around, color), (i, (slot, tile))| {
+        || (Segments::default(), Around::default(), TileColor::new(size.channels)),
+        |(segments, around, color), (i, (slot, tile))| {
             cancel.check()?;
             match &tile.work {
                 Work::Copy => copy(picture, tile.origin, color),
@@ -154,7 +154,7 @@ pub fn render(
                         clip: clip.as_ref(),
                     };
                     segments.trace(&start, &view_sets[views]);
-                    sweep::sweep(simd, &packed, segments, looks, tile.origin, missed, color);
+                    sweep::sweep(simd, &packed, segments, tile.origin, missed, color);
                 }
             }
             highlights.draw(&scene, i, tile.origin, color);
