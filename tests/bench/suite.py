@@ -270,10 +270,12 @@ def equal_quality(_runs: int) -> Iterator[Row]:
         "ratio": marched / ours,
     }
     try:
-        capture = load_capture("spheres")
+        from scenes.variant import choose_variant
     except ImportError as error:
         print(f"SKIPPED: Mitsuba: {error}")
         return
+    choose_variant()
+    capture = load_capture("spheres")
     samples, reached, seconds = 4, 0.0, 0.0
     while reached < quality and samples < 4096:
         samples *= 2
