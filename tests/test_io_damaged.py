@@ -3,9 +3,12 @@
 import io as bytes_io
 import resource
 import struct
+import subprocess
+import sys
 import zipfile
 import zlib
 
+import h5py
 import numpy as np
 import OpenEXR
 import pytest
@@ -100,6 +103,36 @@ def header_npz(width, height):
     return buffer.getvalue()
 
 
+def header_jpeg(width, height):
+    def segment(kind, data):
+        return b"\xff" + bytes([kind]) + struct.pack(">H", 2 + len(data)) + data
+
+    frame = struct.pack(">BHHB", 8, height, width, 3) + b"".join(bytes([i, 0x11, 0]) for i in (1, 2, 3))
+    tables = segment(0xDB, b"\0" + bytes([1] * 64)) + segment(0xC4, b"\0\x01" + bytes(16))
+    scan = segment(0xDA, b"\x03" + b"".join(bytes([i, 0]) for i in (1, 2, 3)) + b"\0\x3f\0")
+    return (b"\xff\xd8" + tables + segment(0xC0, frame) + scan).ljust(1024, b"\0")
+
+
+def header_bmp(width, height):
+    head = b"BM" + struct.pack("<IHHI", 1024, 0, 0, 54)
+    return (head + struct.pack("<IiiHHIIiiII", 40, width, height, 1, 24, 0, 0, 1, 1, 0, 0)).ljust(1024, b"\0")
+
+
+def header_hdr(width, height):
+    return f"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n".encode().ljust(1024, b"\0")
+
+
+def header_dpt(width, height):
+    return (b"PIEH" + struct.pack("<ii", width, height)).ljust(1024, b"\0")
+
+
+def header_hdf5(width, height):
+    buffer = bytes_io.BytesIO()
+    with h5py.File(buffer, "w") as file:
+        file.create_dataset("depth", (height, width), "f4", chunks=(100, 100))
+    return buffer.getvalue()
+
+
 HUGE = {
     "exr": header_exr,
     "png": header_png,
@@ -108,6 +141,8 @@ HUGE = {
     "npy": header_npy,
     "npz": header_npz,
 }
+# Decoders of these say in words of their own what is wrong; that they are cheap is asked of all.
+MORE_HUGE = {"jpg": header_jpeg, "bmp": header_bmp, "hdr": header_hdr, "dpt": header_dpt, "h5": header_hdf5}
 
 
 @pytest.mark.parametrize("read", READERS)
@@ -120,6 +155,39 @@ def test_a_short_file_that_claims_a_huge_picture_is_cheap(tmp_path, read, kind):
         read(path)
     # Kibibytes on Linux, and bytes elsewhere, where this is no test.
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 64 * 1024
+
+
+READ_ALL = """
+import resource, sys
+from pathlib import Path
+from dofsim import io
+
+resource.setrlimit(resource.RLIMIT_AS, (2 << 30, 2 << 30))
+for path in sorted(Path(sys.argv[1]).iterdir()):
+    for read in (io.read_color, io.read_depth, io.read_rgbd):
+        try:
+            read(path)
+        except ValueError as error:
+            assert path.name in str(error), error
+        else:
+            raise AssertionError(f"{path}: was read")
+print("done")
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits of memory are set the Linux way")
+def test_no_claim_is_believed_where_memory_is_short(tmp_path):
+    for kind, header in (HUGE | MORE_HUGE).items():
+        # 16 bits a side is all that JPEG has, and all that is needed.
+        (tmp_path / f"huge.{kind}").write_bytes(header(60000, 60000))
+    run = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", READ_ALL, str(tmp_path)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert run.stdout == "done\n", run.stderr
 
 
 @pytest.mark.parametrize("kind", list(HUGE))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ._arrays import StrPath
 from ._datasets import first_bytes
+from ._deep_header import check_claims
 
 Samples = dict[str, NDArray[np.float32]]
 
@@ -82,6 +83,7 @@ def read_deep(
         import OpenEXR  # type: ignore[import-not-found, unused-ignore]
     except ImportError as error:
         raise ImportError("reading deep OpenEXR files needs OpenEXR: pip install dofsim[deep]") from error
+    check_claims(path)
     try:
         with OpenEXR.File(str(path), separate_channels=True) as file:
             deep = (OpenEXR.Storage.deepscanline, OpenEXR.Storage.deeptile)
