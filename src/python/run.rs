@@ -19,20 +19,24 @@ const MAX_THREADS: usize = 1024;
 /// The worker threads of a process. A forked child has none of its parent's, so it makes its own.
 struct Workers {
     process: u32,
-    /// Those of all calls that do not say how many they want: side by side, such calls share the processors.
-    shared: Option<Arc<ThreadPool>>,
+    /// Those of all renders that do not say how many they want: side by side, such renders share the processors.
+    rendering: Option<Arc<ThreadPool>>,
+    /// Those of short work under the interpreter lock. Others may be busy for long, and whoever waited for them with the
+    /// lock in hand would keep all of Python waiting.
+    reading: Option<Arc<ThreadPool>>,
     /// Those that calls which do say have left, the longest idle first.
     idle: Vec<Arc<ThreadPool>>,
 }
 
 /// The workers of this process. They are looked after under the interpreter lock, so that no fork comes in between.
 fn workers() -> MutexGuard<'static, Workers> {
-    static WORKERS: Mutex<Workers> = Mutex::new(Workers { process: 0, shared: None, idle: Vec::new() });
+    const NONE: Workers = Workers { process: 0, rendering: None, reading: None, idle: Vec::new() };
+    static WORKERS: Mutex<Workers> = Mutex::new(NONE);
     let mut workers = WORKERS.lock().unwrap_or_else(PoisonError::into_inner);
     let process = std::process::id();
     if workers.process != process {
         // Nobody is there to be told to stop, and who was may have held locks that telling would wait for.
-        std::mem::forget(std::mem::replace(&mut *workers, Workers { process, shared: None, idle: Vec::new() }));
+        std::mem::forget(std::mem::replace(&mut *workers, Workers { process, ..NONE }));
     }
     workers
 }
@@ -44,17 +48,6 @@ struct Team {
 }
 
 impl Team {
-    /// As many workers as there are processors for this process, shared with all calls that want the same.
-    fn shared() -> PyResult<Team> {
-        let threads = processors();
-        let mut workers = workers();
-        let pool = match &workers.shared {
-            Some(pool) if pool.current_num_threads() == threads => Arc::clone(pool),
-            _ => Arc::clone(workers.shared.insert(started(threads)?)),
-        };
-        Ok(Team { pool, own: false })
-    }
-
     /// So many workers that no other call has: those of a pool all wait for the work of one.
     fn of(threads: usize) -> PyResult<Team> {
         let mut workers = workers();
@@ -83,6 +76,15 @@ impl Drop for Team {
     }
 }
 
+/// As many workers as there are processors for this process.
+fn for_all(pool: &mut Option<Arc<ThreadPool>>) -> PyResult<Arc<ThreadPool>> {
+    let threads = processors();
+    match pool {
+        Some(pool) if pool.current_num_threads() == threads => Ok(Arc::clone(pool)),
+        _ => Ok(Arc::clone(pool.insert(started(threads)?))),
+    }
+}
+
 fn started(threads: usize) -> PyResult<Arc<ThreadPool>> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("dofsim-{i}"));
     pool.build()
@@ -98,7 +100,7 @@ fn processors() -> usize {
 /// The workers of a call: as many of its own as it asks for, else those that are there for all.
 fn team(threads: Option<usize>) -> PyResult<Team> {
     match threads {
-        None => Team::shared(),
+        None => Ok(Team { pool: for_all(&mut workers().rendering)?, own: false }),
         Some(n) if (1..=MAX_THREADS).contains(&n) => Team::of(n),
         Some(n) => Err(PyValueError::new_err(format!("threads must be from 1 to {MAX_THREADS}; got {n}"))),
     }
@@ -107,7 +109,8 @@ fn team(threads: Option<usize>) -> PyResult<Team> {
 /// Runs short `work` on this process's own workers while the interpreter lock is held. Rayon's global pool would be
 /// dead in a forked child.
 pub fn installed<T: Send>(work: impl FnOnce() -> T + Send) -> PyResult<T> {
-    Ok(Team::shared()?.pool.install(work))
+    let pool = for_all(&mut workers().reading)?;
+    Ok(pool.install(work))
 }
 
 /// Runs `work` on `threads` workers without the interpreter lock. A signal handler that raises, such as Ctrl-C's,

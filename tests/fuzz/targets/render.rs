@@ -8,7 +8,7 @@ use _dofsim::cpu::simd::Simd;
 use _dofsim::depth::{DepthKind, Invalid, disparity_plane};
 use _dofsim::device::Device;
 use _dofsim::error::Error;
-use _dofsim::optics::{Flaws, Frame, FovAxis, Lens, Mount, Strength, Vignetting};
+use _dofsim::optics::{Flaws, FovAxis, Frame, Lens, Mount, Strength, Vignetting};
 use _dofsim::picture::{Layer, Picture, Size};
 use _dofsim::plan::{gaussian, hexagonal, levels, poisson, sprites, taps};
 use _dofsim::render::{Method, Scene};
@@ -62,12 +62,12 @@ fn run(u: &mut Unstructured) -> std::result::Result<(), Refused> {
     for _ in 0..layers {
         let (colors, depths) = (pattern(u)?, pattern(u)?);
         let pixels = size.pixels();
-        let color = (0..channels).flat_map(|c| {
-            let at = move |i: usize| u64::from(colors[(i + c * c) % colors.len()]);
-            let (at, is_coverage) = (at.clone(), coverage && c == channels - 1);
-            (0..pixels).map(move |i| if is_coverage { at(i) as f32 / 255.0 } else { brightness(at(i) as u8) })
-        });
-        let color: Vec<f32> = color.collect();
+        let mut color = Vec::with_capacity(channels * pixels);
+        for c in 0..channels {
+            let is_coverage = coverage && c == channels - 1;
+            let value = |code: u8| if is_coverage { f32::from(code) / 255.0 } else { brightness(code) };
+            color.extend((0..pixels).map(|i| value(colors[(i + c * c) % colors.len()])));
+        }
         let depth: Vec<f32> = (0..pixels).map(|i| distance(depths[i % depths.len()])).collect();
         let disparity = disparity_plane(&depth, size.width, kind, frame.rays(&lens), invalid)?;
         planes.push(Layer { color: Arc::new(color.as_slice().into()), disparity });
@@ -106,7 +106,22 @@ fn brightness(code: u8) -> f32 {
 /// What a depth map may hold.
 fn distance(code: u8) -> f32 {
     const SCALES: [f32; 16] = [
-        1.0, 2.0, 3.0, 4.0, 0.25, 10.0, 0.01, 1e-6, 1e12, 3e38, 1e-41, f32::INFINITY, 0.0, -1.0, f32::NAN, 0.5,
+        1.0,
+        2.0,
+        3.0,
+        4.0,
+        0.25,
+        10.0,
+        0.01,
+        1e-6,
+        1e12,
+        3e38,
+        1e-41,
+        f32::INFINITY,
+        0.0,
+        -1.0,
+        f32::NAN,
+        0.5,
     ];
     SCALES[usize::from(code >> 4)] * (1.0 + f32::from(code & 15) / 16.0)
 }
@@ -164,7 +179,10 @@ fn aperture(u: &mut Unstructured) -> std::result::Result<Aperture, Refused> {
     if u.ratio(1, 8)? {
         let columns = u.int_in_range(1..=9)?;
         let values: Vec<f64> = pattern(u)?.into_iter().map(f64::from).collect();
-        return Ok(Aperture::of_picture(aperture::Picture::new(columns, &values[..values.len() / columns * columns])?));
+        return Ok(Aperture::of_picture(aperture::Picture::new(
+            columns,
+            &values[..values.len() / columns * columns],
+        )?));
     }
     let blades = *u.choose(&[0, 0, 3, 4, 5, 6, 9, 64])?;
     let apodization = if u.ratio(1, 4)? { Some(number(u, 0.05..=2.0)?) } else { None };
