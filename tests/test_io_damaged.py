@@ -1,5 +1,6 @@
 """Files that are not what they claim to be: each is a ValueError that names the file, and cheap."""
 
+import contextlib
 import io as bytes_io
 import resource
 import struct
@@ -7,6 +8,7 @@ import subprocess
 import sys
 import zipfile
 import zlib
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -228,6 +230,83 @@ def test_files_with_wrong_bytes_are_read_or_refused(tmp_path):
                 unnamed += str(path) not in str(error)
     assert unnamed == 0
     assert refused > 500
+
+
+@pytest.mark.parametrize("size", [(0, 9), (9, 0)])
+def test_pictures_without_pixels_are_damaged(tmp_path, size):
+    path = tmp_path / "empty"
+    for data, message in (
+        (header_hdr(*size), "it has no pixels"),
+        (header_npy(*size), "one channel of numbers"),
+    ):
+        path.write_bytes(data)
+        with pytest.raises(ValueError, match=f"empty: .*{message}"):
+            io.read_depth(path)
+
+
+# What the fuzzer began with, and what it found.
+SEEDS = sorted((Path(__file__).parent / "fuzz" / "seeds").glob("[er]*/*"))
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_every_file_of_the_fuzzer_is_read_or_refused():
+    read = 0
+    for path in SEEDS:
+        for reader in READERS:
+            with contextlib.suppress(ValueError):
+                reader(path)
+                read += 1
+    assert read > 40
+
+
+MUTANTS = """
+import resource, sys
+from pathlib import Path
+import numpy as np
+from dofsim import io
+
+resource.setrlimit(resource.RLIMIT_AS, (4 << 30, 4 << 30))
+rng = np.random.default_rng(7)
+refused = 0
+for path in sorted(Path(sys.argv[1]).iterdir()):
+    sound = path.read_bytes()
+    read = io.read_rgbd if path.suffix == ".exr" else io.read_depth
+    read(path)
+    for _ in range(250):
+        data = bytearray(sound)
+        for _ in range(rng.integers(1, 6)):
+            data[rng.integers(min(len(data), rng.choice([400, 1000, 10**9])))] = rng.integers(256)
+        path.write_bytes(data)
+        try:
+            read(path)
+        except ValueError as error:
+            assert str(path) in str(error), error
+            refused += 1
+print(refused)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits of memory are set the Linux way")
+def test_files_of_foreign_libraries_with_wrong_bytes_are_read_or_refused(tmp_path):
+    """In another process, for these libraries are not written for such files."""
+    pixels = np.arange(600.0, dtype="<f4").reshape(20, 30)
+    (tmp_path / "a.dpt").write_bytes(header_dpt(30, 20)[:12] + pixels.tobytes())
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("depth", data=pixels, chunks=(8, 8), compression="gzip")
+    samples = np.empty((5, 7), object)
+    for y, x in np.ndindex(samples.shape):
+        samples[y, x] = np.arange(1, 1 + (x + y) % 3, dtype=np.float32)
+    header = {"type": OpenEXR.deepscanline, "compression": OpenEXR.ZIPS_COMPRESSION}
+    with OpenEXR.File(header, {"Z": samples, "A": samples}) as file:
+        file.write(str(tmp_path / "a.exr"))
+    run = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", MUTANTS, str(tmp_path)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr[-2000:]
+    assert int(run.stdout.split()[-1]) > 100
 
 
 @pytest.mark.parametrize("counter", range(1, 10))

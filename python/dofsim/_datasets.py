@@ -96,8 +96,8 @@ def read_hdf5(path: StrPath, name: str | None) -> NDArray[Any]:
             if claimed > Path(path).stat().st_size * (1 if dataset.chunks is None else 1032):
                 raise ValueError(f"{path}: damaged file: it claims {claimed} bytes, which it cannot hold")
             return np.asarray(dataset[()])
-    except (OSError, RuntimeError, KeyError) as error:
-        # The library's own errors have no number; those of the system do.
-        if isinstance(error, OSError) and error.errno is not None:
+    except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:
+        # The library's own errors have no number, and do not name the file; those of the system and ours do.
+        if getattr(error, "errno", None) is not None or str(error).startswith(f"{path}: "):
             raise
         raise ValueError(f"{path}: damaged file: {error}") from error

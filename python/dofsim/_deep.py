@@ -88,13 +88,13 @@ def read_deep(
         with OpenEXR.File(str(path), separate_channels=True) as file:
             deep = (OpenEXR.Storage.deepscanline, OpenEXR.Storage.deeptile)
             parts = [part for part in file.parts if part.type() in deep and "Z" in part.channels]
-            if not parts:
-                raise ValueError(f"{path}: no deep part has a channel Z")
-            channels = {name: channel.pixels for name, channel in parts[0].channels.items()}
-            header: Mapping[str, Any] = dict(parts[0].header)
-    except (RuntimeError, TypeError) as error:
+            channels = {name: channel.pixels for name, channel in parts[0].channels.items()} if parts else {}
+            header: Mapping[str, Any] = dict(parts[0].header) if parts else {}
+        color, depth = flatten(channels, max_layers) if parts else (None, None)
+    except (RuntimeError, TypeError, ValueError) as error:
         raise ValueError(f"{path}: damaged file: {error}") from error
-    color, depth = flatten(channels, max_layers)
+    if color is None or depth is None:
+        raise ValueError(f"{path}: no deep part has a channel Z")
     if data:
         return color, depth
     return _displayed(color, header, 0.0), _displayed(depth, header, np.inf)
