@@ -142,6 +142,23 @@ def test_lamp_inside_a_small_object_keeps_its_energy(side, background):
     assert (out.astype(np.float64) - background).sum() / 1e4 == pytest.approx(1.0, abs=1e-3)
 
 
+@pytest.mark.parametrize("slope", [0.0, 0.39, 1.0])
+def test_sharp_silhouette_is_smooth_before_the_disc_of_a_lamp(slope):
+    fine = 8
+    y, x = (np.mgrid[: HEIGHT * fine, : WIDTH * fine] + 0.5) / fine
+    inside = x + slope * (y - 56.0) < 70.3
+    coverage = inside.reshape(HEIGHT, fine, WIDTH, fine).mean((1, 3)).astype(np.float32)
+    behind = np.full((HEIGHT, WIDTH), 0.02, np.float32)
+    behind[55:57, 76:78] = 100.0
+    depth = np.where(coverage > 0.5, 0.0, -1.0).astype(np.float32)
+    out = render(coverage * 0.05 + (1.0 - coverage) * behind, depth, strength_px=20.0)
+    disc = render(behind, np.full_like(depth, -1.0), strength_px=20.0)
+    expected = coverage * 0.05 + (1.0 - coverage) * disc
+    edge = (coverage > 0.0) & (coverage < 1.0) & (disc > 0.1)
+    assert edge.sum() > 20
+    np.testing.assert_allclose(out[edge], expected[edge], atol=0.01 * disc.max())
+
+
 @pytest.mark.parametrize("axis", [0, 1])
 def test_steep_plane_stays_closed(axis):
     # The circle of confusion grows by 2 px a pixel: neighbours drift apart by up to that much.

@@ -80,16 +80,28 @@ fn is_covered(highlight: Highlight, within: f32) -> bool {
     return false;
 }
 
-// Whether a ray that passes a cell at an offset from its centre meets what the cell covers.
-fn covers(cell: u32, at: vec2<i32>, offset: vec2<f32>) -> bool {
+// The area of a pixel in which `normal . f <= cut`.
+fn area_below(normal: vec2<f32>, cut: f32) -> f32 {
+    let p = min(abs(normal.x), abs(normal.y));
+    let q = max(abs(normal.x), abs(normal.y));
+    let moved = max(0.5 * (p + q) - abs(cut), 0.0);
+    var area = (moved - 0.5 * p) / q;
+    if moved < p {
+        area = moved * moved / (2.0 * p * q);
+    }
+    return select(1.0 - area, area, cut <= 0.0);
+}
+
+// How much of a beam one pixel wide, passing a cell at an offset from its centre, meets what the cell covers.
+fn covered(cell: u32, at: vec2<i32>, offset: vec2<f32>) -> f32 {
     let number = half_planes[cell];
     if number == 0u {
-        return true;
+        return 1.0;
     }
     let words = params.sheets * params.size.x * params.size.y + 3u * (number - 1u);
     let normal = vec2(bitcast<f32>(half_planes[words]), bitcast<f32>(half_planes[words + 1u]))
         * mirroring(params.size, at.x, at.y);
-    return normal.x * offset.x + normal.y * offset.y <= bitcast<f32>(half_planes[words + 2u]);
+    return area_below(normal, bitcast<f32>(half_planes[words + 2u]) - (normal.x * offset.x + normal.y * offset.y));
 }
 
 // After how many steps at the earliest a ray from a padded cell leaves its block.
@@ -105,19 +117,21 @@ fn steps_inside(cell: vec2<i32>, slope: vec2<f32>) -> i32 {
     return max(i32(steps), 1);
 }
 
-// Whether the ray from the lens point `l` meets something before it meets the highlight.
-fn is_hidden_from(highlight: Highlight, l: vec2<f32>) -> bool {
+// How much of a pixel's rays from about the lens point `l` meets nothing before it meets the highlight.
+fn visible_from(highlight: Highlight, l: vec2<f32>) -> f32 {
     let longest = max(abs(l.x), abs(l.y));
     if longest == 0.0 {
-        return is_covered(highlight, 1e30);
+        return select(1.0, 0.0, is_covered(highlight, 1e30));
     }
     if is_covered(highlight, 0.5 / longest) {
-        return true;
+        return 0.0;
     }
     let code_per_step = 1.0 / (longest * params.step);
     // Step by step outwards from the highlight, a cell at a time along the longer axis.
     let slope = l / longest;
     let steps = i32(ceil((params.reach_px - highlight.t) * longest));
+    // A straight edge may be met in more than one cell, and still hides what it hides once.
+    var visible = 1.0;
     var k = 1;
     while k <= steps {
         let along = f32(k) * slope;
@@ -125,7 +139,7 @@ fn is_hidden_from(highlight: Highlight, l: vec2<f32>) -> bool {
         let at = highlight.place + vec2<i32>(moved);
         let padded = at + params.pad;
         if any(padded < vec2(0)) || any(padded >= vec2<i32>(params.padded)) {
-            return false;
+            break;
         }
         let from_code = u32(min(f32(highlight.code) + (f32(k) - 0.5) * code_per_step, 65535.0));
         let to_code = u32(min(f32(highlight.code) + (f32(k) + 0.5) * code_per_step, 65535.0));
@@ -142,14 +156,15 @@ fn is_hidden_from(highlight: Highlight, l: vec2<f32>) -> bool {
             if nearest(codes[cell]) >= from_code && lo < to_code {
                 // Where the ray passes this cell, from its centre: on the line through the highlight.
                 let t_cell = params.s_min + (f32(lo) - 1.0) * params.step - params.s_focus - highlight.t;
-                if covers(cell, at, l * t_cell - moved) {
-                    return true;
-                }
+                visible = min(visible, 1.0 - covered(cell, at, l * t_cell - moved));
             }
+        }
+        if visible == 0.0 {
+            break;
         }
         k++;
     }
-    return false;
+    return visible;
 }
 
 // The light of all highlights at one pixel.
@@ -163,10 +178,13 @@ fn light_at(at: vec2<i32>, tile: Tile) -> vec4<f32> {
         }
         let weight = weight_at(kernel_at(highlight.kernel), d);
         let l = vec2<f32>(d) / highlight.t;
-        if weight > 0.0 && !is_hidden_from(highlight, l) {
-            var share = 1.0;
+        if weight <= 0.0 {
+            continue;
+        }
+        var share = visible_from(highlight, l);
+        if share > 0.0 {
             if clips(params.barrel) {
-                share = clipped_share(params.barrel, vec2<f32>(at), l, highlight.t);
+                share *= clipped_share(params.barrel, vec2<f32>(at), l, highlight.t);
             }
             sum += weight * share * highlight.light;
         }

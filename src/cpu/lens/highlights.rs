@@ -1,7 +1,7 @@
 //! Highlights: cells so bright that single lens points would show as dots in their discs.
 //!
 //! What such a cell has above its surroundings is taken out of the sheets and drawn as the exact, area-weighted
-//! opening; each pixel of it asks along its own ray whether something nearer is in the way.
+//! opening; each pixel of it asks along its own ray how much of something nearer is in the way.
 
 use super::barrel::Clip;
 use super::blocks::BLOCK;
@@ -305,14 +305,17 @@ impl Highlight {
         })
     }
 
-    /// Whether the ray from the lens point `l` meets something before it meets the highlight.
-    fn is_hidden_from(&self, packed: &Packed, s_focus: f64, l: [f64; 2]) -> bool {
+    /// How much of a pixel's rays from about the lens point `l` meets nothing before it meets the highlight.
+    ///
+    /// The rays of a pixel are a beam as wide as the pixel itself at every depth; what covers a cell in part, and
+    /// the beam that passes there in part, lets the rest of it through.
+    fn visible_from(&self, packed: &Packed, s_focus: f64, l: [f64; 2]) -> f32 {
         let longest = l[0].abs().max(l[1].abs());
         if self.is_covered(packed, s_focus, 0.5 / longest) {
-            return true;
+            return 0.0;
         }
         if longest == 0.0 {
-            return false;
+            return 1.0;
         }
         let code_per_step = 1.0 / (longest * packed.codes.step());
         let start = f64::from(packed.codes.encode((self.t + s_focus) as f32));
@@ -320,13 +323,15 @@ impl Highlight {
         // Step by step outwards from the highlight, a cell at a time along the longer axis.
         let slope = [l[0] / longest, l[1] / longest];
         let steps = ((packed.reach_px - self.t) * longest).ceil() as i32;
+        // A straight edge may be met in more than one cell, and still hides what it hides once.
+        let mut visible = 1.0f32;
         let mut k = 1;
         while k <= steps {
             let along = slope.map(|slope| f64::from(k) * slope);
             let cell = [self.x + along[0].round() as i32, self.y + along[1].round() as i32];
             let (stride, rows) = (packed.padding.stride as i32, packed.padding.rows as i32);
             if !(0..stride).contains(&cell[0]) || !(0..rows).contains(&cell[1]) {
-                return false;
+                break;
             }
             let (from, to) = (code(f64::from(k) - 0.5), code(f64::from(k) + 0.5));
             let block = cell.map(|v| v as usize / BLOCK);
@@ -336,21 +341,21 @@ impl Highlight {
                 continue;
             }
             let index = (cell[1] * stride + cell[0]) as usize;
-            let hidden = packed.sheets.iter().any(|sheet| {
+            for sheet in &packed.sheets {
                 let (lo, hi) = (sheet.lo[index], sheet.hi[index]);
-                hi >= from && lo < to && {
+                if hi >= from && lo < to {
                     // Where the ray passes this cell, from its centre: on the line through the highlight.
                     let t_cell = packed.codes.decode(f64::from(lo)) - s_focus - self.t;
                     let at = [0, 1].map(|i| (l[i] * t_cell - along[i].round()) as f32);
-                    sheet.partial.as_ref().is_none_or(|p| p.covers(index, at))
+                    visible = visible.min(1.0 - sheet.partial.as_ref().map_or(1.0, |p| p.covered(index, at)));
                 }
-            });
-            if hidden {
-                return true;
+            }
+            if visible == 0.0 {
+                break;
             }
             k += 1;
         }
-        false
+        visible
     }
 
     /// Adds the part of the disc that lies in a tile.
@@ -366,9 +371,12 @@ impl Highlight {
             }
             let mut add = |x: i32, weight: f32| {
                 let l = [qx - x, row.dy].map(|d| f64::from(d) / self.t);
-                if self.hidden_in_part && self.is_hidden_from(scene.packed, scene.s_focus, l) {
+                let visible =
+                    if self.hidden_in_part { self.visible_from(scene.packed, scene.s_focus, l) } else { 1.0 };
+                if visible == 0.0 {
                     return;
                 }
+                let weight = visible * weight;
                 let weight = match scene.clip {
                     None => weight,
                     Some(clip) => {

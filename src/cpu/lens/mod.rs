@@ -15,6 +15,7 @@ pub(crate) mod kernels;
 mod lanes;
 pub(crate) mod line;
 pub(crate) mod pack;
+mod patches;
 pub(crate) mod plan;
 mod sheets;
 pub(crate) mod surfaces;
@@ -40,7 +41,7 @@ use pack::{Packed, TILE};
 use plan::Plan;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
-use sweep::{Segments, Start, TileColor};
+use sweep::{Looks, Segments, Start, TileColor};
 use tiles::Work;
 
 /// The largest circle of confusion that is rendered.
@@ -103,7 +104,7 @@ pub fn render(
         Plan::new(sheets, optics, settings, supersample);
     let needed = tiles::needed(&padding, &blocks, &tiles);
     cancel.check()?;
-    let mut packed = Packed::new(sheets, padding, blocks, reach_px, &needed);
+    let mut packed = Packed::new(sheets, padding, blocks, reach_px, &needed, simd);
     cancel.check()?;
 
     let mut colors: Vec<Colors> = sheets.sheets.iter().map(|sheet| sheet.colors.clone()).collect();
@@ -144,8 +145,8 @@ pub fn render(
     let scene = highlights::Scene { packed: &packed, s_focus, kernels: &kernels, clip: clip.as_ref() };
     let mut slots = split(out, size, TILE);
     slots.par_iter_mut().zip(&tiles).enumerate().try_for_each_init(
-        || (Segments::default(), Around::default(), TileColor::new(size.channels)),
-        |(segments, around, color), (i, (slot, tile))| {
+        || (Segments::default(), Looks::default(), Around::default(), TileColor::new(size.channels)),
+        |(segments, looks, around, color), (i, (slot, tile))| {
             cancel.check()?;
             match &tile.work {
                 Work::Copy => copy(picture, tile.origin, color),
@@ -160,7 +161,7 @@ pub fn render(
                         clip: clip.as_ref(),
                     };
                     segments.trace(&start, &view_sets[views]);
-                    sweep::sweep(simd, &packed, segments, tile.origin, missed, color);
+                    sweep::sweep(simd, &packed, segments, looks, tile.origin, missed, color);
                 }
             }
             highlights.draw(&scene, i, tile.origin, color);

@@ -5,7 +5,9 @@ use super::blocks::{BLOCK, Blocks, DepthBits};
 use super::cells::{self, CHUNK, Cell, Codes, Depths, Rows};
 use super::colors::Colors;
 use super::footprint::{self, Footprint};
+use super::patches::Patches;
 use super::sheets::{Sheet, Sheets};
+use super::unmix::area_below;
 use crate::cpu::border::mirrored;
 use crate::cpu::rows::bands;
 use crate::cpu::simd::Simd;
@@ -118,15 +120,18 @@ impl PartialPlanes {
         Some(planes)
     }
 
-    /// Whether a ray that passes cell `i` at `at`, from its centre, meets what the cell covers.
-    pub fn covers(&self, i: usize, at: [f32; 2]) -> bool {
-        self.bits[i / 8] >> (i % 8) & 1 == 0
-            || self.normal_x[i] * at[0] + self.normal_y[i] * at[1] <= self.cut[i]
+    /// How much of a beam one pixel wide, passing cell `i` at `at` from its centre, meets what the cell covers.
+    pub fn covered(&self, i: usize, at: [f32; 2]) -> f32 {
+        if self.bits[i / 8] >> (i % 8) & 1 == 0 {
+            return 1.0;
+        }
+        let normal = [self.normal_x[i], self.normal_y[i]];
+        area_below(normal, self.cut[i] - (normal[0] * at[0] + normal[1] * at[1]))
     }
 }
 
 /// The blocks in which a sheet is laid out.
-struct Present {
+pub struct Present {
     across: usize,
     blocks: Vec<bool>,
 }
@@ -155,7 +160,7 @@ impl Present {
     }
 
     /// The stretches of padded row `py` that are laid out.
-    fn stretches(&self, py: usize) -> impl Iterator<Item = Range<usize>> + '_ {
+    pub fn stretches(&self, py: usize) -> impl Iterator<Item = Range<usize>> + '_ {
         self.parts(py).filter_map(|(laid_out, stretch)| laid_out.then_some(stretch))
     }
 }
@@ -167,6 +172,8 @@ pub struct PackedSheet {
     /// Colour planes, which mean something only where there is a cell.
     pub color: Vec<Buffer<f32>>,
     pub partial: Option<PartialPlanes>,
+    /// Where which depths occur.
+    pub patches: Patches,
     present: Present,
 }
 
@@ -191,7 +198,14 @@ fn parts(padding: &Padding, stretch: &Range<usize>) -> (Range<usize>, impl Itera
 }
 
 /// Lays out the depths of a sheet.
-fn depths(depths: &Depths, sheet: &Sheet, padding: &Padding, present: Present) -> PackedSheet {
+fn depths(
+    depths: &Depths,
+    sheet: &Sheet,
+    padding: &Padding,
+    present: Present,
+    codes: &Codes,
+    simd: Simd,
+) -> PackedSheet {
     let cells = padding.stride * padding.rows;
     let (mut lo, mut hi) = (Buffer::unset(cells), Buffer::unset(cells));
     let rows = lo.par_chunks_mut(padding.stride).zip(hi.par_chunks_mut(padding.stride));
@@ -213,7 +227,9 @@ fn depths(depths: &Depths, sheet: &Sheet, padding: &Padding, present: Present) -
             }
         }
     });
-    PackedSheet { lo, hi, color: Vec::new(), partial: PartialPlanes::new(sheet, padding, &present), present }
+    let patches = Patches::new(&lo, &hi, padding, &present, codes, simd);
+    let partial = PartialPlanes::new(sheet, padding, &present);
+    PackedSheet { lo, hi, color: Vec::new(), partial, patches, present }
 }
 
 /// Colours of cells as they are drawn: widened or sharpened to their footprint.
@@ -340,10 +356,17 @@ fn sharpen(rows: &Rows, chunk: &Range<usize>, kappa: &[f32; CHUNK], out: &mut [f
 
 impl Packed {
     /// Lays out the depths of all sheets in the needed blocks; colours come with [`Packed::set_colors`].
-    pub fn new(sheets: &Sheets, padding: Padding, blocks: Blocks, reach_px: f64, needed: &[bool]) -> Packed {
-        let packed = sheets.sheets.iter().zip(sheets.depths.iter()).enumerate();
-        let packed =
-            packed.map(|(k, (sheet, d))| depths(d, sheet, &padding, Present::new(&blocks, k, needed)));
+    pub fn new(
+        sheets: &Sheets,
+        padding: Padding,
+        blocks: Blocks,
+        reach_px: f64,
+        needed: &[bool],
+        simd: Simd,
+    ) -> Packed {
+        let packed = sheets.sheets.iter().zip(sheets.depths.iter()).enumerate().map(|(k, (sheet, d))| {
+            depths(d, sheet, &padding, Present::new(&blocks, k, needed), &sheets.codes, simd)
+        });
         let packed = packed.collect();
         let windows = blocks.windows();
         Packed { padding, codes: sheets.codes, reach_px, sheets: packed, blocks, windows }
