@@ -5,8 +5,10 @@ use super::kernels::{self, Kernels};
 use super::pack::TILE;
 use super::sweep::TileColor;
 use crate::aperture::{Aperture, Kernel};
+use crate::cancel::Cancel;
 use crate::cpu::border::mirrored;
 use crate::cpu::simd::Simd;
+use crate::error::Result;
 use crate::picture::Size;
 use std::ops::{Add, Mul, RangeInclusive, Sub};
 
@@ -140,32 +142,39 @@ pub struct Gather<'a> {
     pub aperture: &'a Aperture,
     pub kernels: &'a Kernels,
     pub simd: Simd,
+    pub cancel: &'a Cancel,
 }
 
 impl Gather<'_> {
     /// The tile at `origin`. A tile of one depth has exactly its own kernel.
-    pub fn tile<T: Real>(&self, origin: (usize, usize), around: &mut Surroundings<T>, out: &mut TileColor) {
+    pub fn tile<T: Real>(
+        &self,
+        origin: (usize, usize),
+        around: &mut Surroundings<T>,
+        out: &mut TileColor,
+    ) -> Result<()> {
         let extent = extent(self.size, origin);
         let row = |y: usize| &self.s[(origin.1 + y) * self.size.width + origin.0..][..extent.0];
         if let Some(s) = only_shift(self.s, self.size, origin) {
             let kernel = self.aperture.kernel(f64::from(s) - self.s_focus);
             around.fill(self.size, self.colors, origin, kernel.reach as usize);
-            self.simd.run(
-                #[inline(always)]
-                || {
-                    for y in 0..extent.1 {
-                        flat_row(around, &kernel, y, out);
-                    }
-                },
-            );
-            return;
+            for y in 0..extent.1 {
+                self.cancel.check()?;
+                self.simd.run(
+                    #[inline(always)]
+                    || flat_row(around, &kernel, y, out),
+                );
+            }
+            return Ok(());
         }
         let reach =
             steps(self.s, self.size, self.s_focus, origin).map(|key| self.kernels.get(key).reach).max();
         around.fill(self.size, self.colors, origin, reach.unwrap_or(0) as usize);
         for y in 0..extent.1 {
+            self.cancel.check()?;
             self.tilted_row(around, row(y), y, out);
         }
+        Ok(())
     }
 
     /// A row of pixels of different depths: of each disc in turn, what the pixels between it and the next ones take.

@@ -140,6 +140,7 @@ pub fn render(
         aperture: &settings.aperture,
         kernels: &kernels,
         simd,
+        cancel,
     };
 
     let scene = highlights::Scene { packed: &packed, s_focus, kernels: &kernels, clip: clip.as_ref() };
@@ -150,8 +151,8 @@ pub fn render(
             cancel.check()?;
             match &tile.work {
                 Work::Copy => copy(picture, tile.origin, color),
-                Work::Disc if highlights_are_out => gather.tile(tile.origin, &mut around.dim, color),
-                Work::Disc => gather.tile(tile.origin, &mut around.any, color),
+                Work::Disc if highlights_are_out => gather.tile(tile.origin, &mut around.dim, color)?,
+                Work::Disc => gather.tile(tile.origin, &mut around.any, color)?,
                 Work::Sweep { views, occupied } => {
                     let start = Start {
                         packed: &packed,
