@@ -117,7 +117,7 @@ sanitize:
 	RUSTFLAGS=-Zsanitizer=address cargo +nightly test --no-default-features --lib \
 		--target $(shell rustc -vV | sed -n 's/^host: //p') --target-dir target/sanitize
 
-# Needs `cargo install cargo-deny`; without a way to the database of advisories: CHECKS='bans licenses sources'.
+# Needs `cargo install cargo-deny`; where the database of advisories cannot be had: CHECKS="bans licenses sources".
 CHECKS ?= advisories bans licenses sources
 
 deny:

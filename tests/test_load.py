@@ -167,8 +167,8 @@ PHASES = {
     "preparation": "dofsim.Scene(np.tile(color, (3, 3, 1)), np.tile(depth, (3, 3))).render(lens)",
     "views": "dofsim.render(color, depth, lens, views=16384)",
     "barrel": "dofsim.render(color, depth, lens.replace(cat_eye=0.7), views=16384)",
-    "disc": "dofsim.render(color[:64, :64].copy(), np.full((64, 64), 4.0), lens.replace(aperture_radius=80.0), "
-    "aperture=dofsim.Aperture(apodization=0.5))",
+    "disc": "dofsim.render(color[:64, :64].copy(), depth[:64, :64].copy() * 0 + 4, "
+    "lens.replace(aperture_radius=80.0), aperture=dofsim.Aperture(apodization=0.5))",
     "hexagonal": "dofsim.render(color, depth, lens, method='hexagonal', max_coc_px=256.0)",
     "sprites": "dofsim.render(color, depth, lens, method='sprites', max_coc_px=256.0)",
     "stack": "dofsim.Scene(color[::4, ::4].copy(), depth[::4, ::4].copy()).focal_stack("
