@@ -52,22 +52,20 @@ pub enum DepthKind {
 impl DepthKind {
     /// The disparity that value `v` stands for at a pixel whose ray is `ray_length` times as long as its `z`.
     ///
-    /// `None` where the value is not a depth of this kind.
-    fn disparity(self, v: f64, ray_length: f64) -> Option<f64> {
-        let d = match self {
-            DepthKind::Z => positive(v)?.recip(),
-            DepthKind::Distance => ray_length / positive(v)?,
-            DepthKind::InverseZ => not_negative(v)?,
+    /// Not a finite number where the value is not a depth of this kind.
+    #[inline(always)]
+    fn disparity(self, v: f64, ray_length: f64) -> f64 {
+        let valid = |valid: bool, d: f64| if valid { d } else { f64::NAN };
+        match self {
+            DepthKind::Z => valid(v > 0.0, v.recip()),
+            DepthKind::Distance => valid(v > 0.0, ray_length / v),
+            DepthKind::InverseZ => valid(v >= 0.0, v),
             DepthKind::Disparity | DepthKind::Relative => v,
             // 1/z is affine in post-projection depth: 1/near at 0, 1/far at 1.
-            DepthKind::ZBuffer { near, far } => {
-                let v = (0.0..=1.0).contains(&v).then_some(v)?;
-                (1.0 - v) / near + v / far
-            }
+            DepthKind::ZBuffer { near, far } => valid((0.0..=1.0).contains(&v), (1.0 - v) / near + v / far),
             DepthKind::DistanceFromNear { .. } if v == 0.0 => 0.0,
-            DepthKind::DistanceFromNear { near } => (not_negative(v)? / ray_length + near).recip(),
-        };
-        d.is_finite().then_some(d)
+            DepthKind::DistanceFromNear { near } => valid(v >= 0.0, (v / ray_length + near).recip()),
+        }
     }
 
     /// Whether the kind needs the direction of each pixel's ray.
@@ -85,14 +83,6 @@ impl DepthKind {
             DepthKind::DistanceFromNear { .. } => "distances not negative (0 is background)",
         }
     }
-}
-
-fn positive(v: f64) -> Option<f64> {
-    (v > 0.0).then_some(v)
-}
-
-fn not_negative(v: f64) -> Option<f64> {
-    (v >= 0.0).then_some(v)
 }
 
 /// What to do with values that are no depth.
@@ -121,29 +111,34 @@ pub fn disparities(
     }
     let ray_length =
         |x: usize, y: usize| rays.filter(|_| kind.needs_rays()).map_or(1.0, |rays| rays.length(x, y));
+    // What most have gets a loop of its own, which the compiler makes vectors of.
+    let row = |y: usize, depth: &[f32], out: &mut [f32]| match kind {
+        DepthKind::Z => finite(depth, out, |_, v| DepthKind::Z.disparity(v, 1.0)),
+        _ => finite(depth, out, |x, v| kind.disparity(v, ray_length(x, y))),
+    };
     let mut out = Buffer::unset(depth.len());
     let bad: usize = out
         .par_chunks_mut(width)
         .zip(depth.par_chunks(width))
         .enumerate()
-        .map(|(y, (out, depth))| {
-            let mut bad = 0;
-            for (x, (out, &v)) in out.iter_mut().zip(depth).enumerate() {
-                *out = match kind.disparity(f64::from(v), ray_length(x, y)) {
-                    Some(d) if (d as f32).is_finite() => d as f32,
-                    _ => {
-                        bad += 1;
-                        f32::NAN
-                    }
-                };
-            }
-            bad
-        })
+        .map(|(y, (out, depth))| row(y, depth, out))
         .sum();
     if kind == DepthKind::Relative {
         normalize(&mut out);
     }
     Ok((out, bad))
+}
+
+/// The disparities of a row, NaN where they are not finite, and how many of these there are.
+#[inline(always)]
+fn finite(depth: &[f32], out: &mut [f32], disparity: impl Fn(usize, f64) -> f64) -> usize {
+    let mut bad = 0;
+    for (x, (out, &v)) in out.iter_mut().zip(depth).enumerate() {
+        let d = disparity(x, f64::from(v)) as f32;
+        *out = if d.is_finite() { d } else { f32::NAN };
+        bad += usize::from(!d.is_finite());
+    }
+    bad
 }
 
 /// Disparity of every pixel, as [`disparities`] has it, with something done about those that have none.

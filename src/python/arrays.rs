@@ -240,13 +240,21 @@ fn color_planes<T: Sample>(
     (planes, largest)
 }
 
-/// Takes one row of interleaved samples apart.
+/// Takes one row of interleaved samples apart, a block of pixels at a time: the compiler makes shuffles of that, where
+/// it would make slow gathers of a loop over all.
 #[inline(always)]
 fn separate<T: Sample, const C: usize>(samples: &[T], rows: &mut [&mut [f32]]) {
-    for (c, row) in rows.iter_mut().enumerate() {
-        for (out, pixel) in row.iter_mut().zip(samples.as_chunks::<C>().0) {
-            *out = pixel[c].to_code();
+    const BLOCK: usize = 16;
+    let pixels = samples.as_chunks::<C>().0;
+    let (blocks, rest) = pixels.as_chunks::<BLOCK>();
+    for (i, block) in blocks.iter().enumerate() {
+        for (c, row) in rows.iter_mut().enumerate() {
+            let codes: [f32; BLOCK] = std::array::from_fn(|x| block[x][c].to_code());
+            row[i * BLOCK..][..BLOCK].copy_from_slice(&codes);
         }
+    }
+    for (x, pixel) in (pixels.len() - rest.len()..).zip(rest) {
+        rows.iter_mut().zip(pixel).for_each(|(row, v)| row[x] = v.to_code());
     }
 }
 

@@ -15,7 +15,6 @@ pub const BLOCK: usize = 16;
 pub type DepthBits = [u64; 4];
 
 /// Whether any of the bins `from ..= to` is set.
-#[inline(always)]
 pub fn any_bin(bits: &DepthBits, from: usize, to: usize) -> bool {
     (from / 64..=to / 64).any(|word| {
         let first = from.saturating_sub(word * 64).min(63);
@@ -24,9 +23,7 @@ pub fn any_bin(bits: &DepthBits, from: usize, to: usize) -> bool {
     })
 }
 
-/// Adds the depths of another set.
-#[inline(always)]
-pub fn unite(into: &mut DepthBits, bits: &DepthBits) {
+fn unite(into: &mut DepthBits, bits: &DepthBits) {
     into.iter_mut().zip(bits).for_each(|(into, bits)| *into |= bits);
 }
 

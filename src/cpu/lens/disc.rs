@@ -4,13 +4,13 @@ use super::colors::Colors;
 use super::kernels::{self, Kernels};
 use super::pack::TILE;
 use super::sweep::TileColor;
-use crate::aperture::{Aperture, Kernel};
+use crate::aperture::Kernel;
 use crate::cancel::Cancel;
 use crate::cpu::border::mirrored;
 use crate::cpu::simd::Simd;
 use crate::error::Result;
-use crate::picture::Size;
-use std::ops::{Add, Mul, RangeInclusive, Sub};
+use crate::picture::{Size, range};
+use std::ops::{Add, RangeInclusive, Sub};
 
 /// On a tilted surface a pixel's disc is interpolated between two, this many radius steps apart: a quarter of a
 /// pixel, or a sixteenth for small ones. Only rims differ, by less than the rounding to a single step would cost.
@@ -19,36 +19,26 @@ pub const APART: i32 = 4;
 /// Pixels convolved together.
 const LANES: usize = 16;
 
-/// What discs are summed up in.
+/// What runs are summed up in.
 ///
 /// In `f32`, a run that ends far along a row keeps the colour of its pixels to a hundred-thousandth, as long as none
 /// outshines the rest; a disc averages over many runs. Where highlights are still in the picture it takes `f64`.
-pub trait Real:
-    Copy + Default + From<f32> + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self>
-{
+pub trait Real: Copy + Default + From<f32> + Add<Output = Self> + Sub<Output = Self> {
     /// Rounded to what pictures hold.
     fn to_f32(self) -> f32;
-    /// Rounded to what is summed up.
-    fn from_f64(v: f64) -> Self;
 }
 
 impl Real for f32 {
+    #[inline(always)]
     fn to_f32(self) -> f32 {
         self
-    }
-
-    fn from_f64(v: f64) -> f32 {
-        v as f32
     }
 }
 
 impl Real for f64 {
+    #[inline(always)]
     fn to_f32(self) -> f32 {
         self as f32
-    }
-
-    fn from_f64(v: f64) -> f64 {
-        v
     }
 }
 
@@ -59,11 +49,17 @@ pub struct Surroundings<T> {
     across: usize,
     down: usize,
     /// Colour planes, and [`LANES`] more so that whole groups can be read.
-    color: Vec<T>,
+    color: Vec<f32>,
     /// Running sums along each row of each plane, one more than there are columns, and [`LANES`] more.
     sums: Vec<T>,
     /// One row of the frame, all channels.
     row: Vec<f32>,
+}
+
+/// The group of values that begins at `at`.
+#[inline(always)]
+fn group<T>(values: &[T], at: usize) -> &[T; LANES] {
+    values[at..].first_chunk().expect("planes are longer by a group")
 }
 
 impl<T: Real> Surroundings<T> {
@@ -71,7 +67,7 @@ impl<T: Real> Surroundings<T> {
     fn fill(&mut self, size: Size, colors: &Colors, origin: (usize, usize), reach: usize) {
         let (across, down) = (TILE.0 + 2 * reach, TILE.1 + 2 * reach);
         (self.reach, self.across, self.down) = (reach, across, down);
-        self.color.resize(size.channels * across * down + LANES, T::default());
+        self.color.resize(size.channels * across * down + LANES, 0.0);
         self.sums.resize(size.channels * (across + 1) * down + LANES, T::default());
         let from = |start: usize, n: usize, extent: usize| -> Vec<usize> {
             (0..n).map(|i| mirrored((start + i) as i64 - reach as i64, extent).0).collect()
@@ -86,20 +82,20 @@ impl<T: Real> Surroundings<T> {
                 let color = &mut self.color[(c * down + j) * across..][..across];
                 if n == across {
                     // Nothing is mirrored.
-                    color.iter_mut().zip(row).for_each(|(v, &own)| *v = own.into());
+                    color.copy_from_slice(row);
                 } else {
-                    color.iter_mut().zip(&columns).for_each(|(v, &x)| *v = row[x - first].into());
+                    color.iter_mut().zip(&columns).for_each(|(v, &x)| *v = row[x - first]);
                 }
             }
             // The sums of the channels are made side by side: each waits for its own last one.
             let line = |c: usize| (c.min(size.channels - 1) * down + j) * across;
-            let color: [&[T]; 4] = std::array::from_fn(|c| &self.color[line(c)..][..across]);
+            let color: [&[f32]; 4] = std::array::from_fn(|c| &self.color[line(c)..][..across]);
             let mut sum = [T::default(); 4];
             for x in 0..=across {
                 for c in 0..size.channels {
                     self.sums[line(c) + c * down + j + x] = sum[c];
                     if x < across {
-                        sum[c] = sum[c] + color[c][x];
+                        sum[c] = sum[c] + T::from(color[c][x]);
                     }
                 }
             }
@@ -108,26 +104,22 @@ impl<T: Real> Surroundings<T> {
 
     /// Convolves pixels `x .. x + LANES` of tile row `y` with one kernel.
     #[inline(always)]
-    fn convolve(&self, kernel: &Kernel, channel: usize, x: usize, y: usize) -> [T; LANES] {
-        let group =
-            |values: &[T], at: usize| -> [T; LANES] { std::array::from_fn(|i| values[at..at + LANES][i]) };
-        let (mut runs, mut edges) = ([T::default(); LANES], [T::default(); LANES]);
+    fn convolve(&self, kernel: &Kernel, channel: usize, x: usize, y: usize) -> [f32; LANES] {
+        let (mut runs, mut edges) = ([T::default(); LANES], [0.0f32; LANES]);
         for row in &kernel.rows {
             let line = channel * self.down + (y + self.reach).wrapping_add_signed(row.dy as isize);
             let at = |dx: i32| (x + self.reach).wrapping_add_signed(dx as isize);
             if row.run.0 < row.run.1 {
-                let start = line * (self.across + 1);
-                let (before, after) =
-                    (group(&self.sums, start + at(row.run.0)), group(&self.sums, start + at(row.run.1)));
+                let sums = |dx: i32| group(&self.sums, line * (self.across + 1) + at(dx));
+                let (before, after) = (sums(row.run.0), sums(row.run.1));
                 runs = std::array::from_fn(|i| runs[i] + (after[i] - before[i]));
             }
             for &(dx, weight) in &row.partial {
                 let values = group(&self.color, line * self.across + at(dx));
-                edges = std::array::from_fn(|i| edges[i] + T::from(weight) * values[i]);
+                edges = std::array::from_fn(|i| edges[i] + weight * values[i]);
             }
         }
-        let weight = T::from(kernel.run_weight);
-        std::array::from_fn(|i| weight * runs[i] + edges[i])
+        std::array::from_fn(|i| kernel.run_weight * runs[i].to_f32() + edges[i])
     }
 }
 
@@ -139,14 +131,14 @@ pub struct Gather<'a> {
     /// Its shifts relative to infinity.
     pub s: &'a [f32],
     pub s_focus: f64,
-    pub aperture: &'a Aperture,
     pub kernels: &'a Kernels,
     pub simd: Simd,
     pub cancel: &'a Cancel,
 }
 
 impl Gather<'_> {
-    /// The tile at `origin`. A tile of one depth has exactly its own kernel.
+    /// The tile at `origin`, in strips of [`LANES`] columns: what a pixel sums up is then still near when the one below
+    /// it is summed up.
     pub fn tile<T: Real>(
         &self,
         origin: (usize, usize),
@@ -154,96 +146,94 @@ impl Gather<'_> {
         out: &mut TileColor,
     ) -> Result<()> {
         let extent = extent(self.size, origin);
-        let row = |y: usize| &self.s[(origin.1 + y) * self.size.width + origin.0..][..extent.0];
-        if let Some(s) = only_shift(self.s, self.size, origin) {
-            let kernel = self.aperture.kernel(f64::from(s) - self.s_focus);
-            around.fill(self.size, self.colors, origin, kernel.reach as usize);
-            for y in 0..extent.1 {
-                self.cancel.check()?;
-                self.simd.run(
-                    #[inline(always)]
-                    || flat_row(around, &kernel, y, out),
-                );
+        let strips = (0..extent.0).step_by(LANES);
+        match Surface::new(self.s, self.size, self.s_focus, origin) {
+            Surface::Level(s) => {
+                let kernel = self.kernels.level(s);
+                around.fill(self.size, self.colors, origin, kernel.reach as usize);
+                for x in strips {
+                    self.simd.run(
+                        #[inline(always)]
+                        || level_strip(around, kernel, x, extent.1, self.cancel, out),
+                    )?;
+                }
             }
-            return Ok(());
-        }
-        let reach =
-            steps(self.s, self.size, self.s_focus, origin).map(|key| self.kernels.get(key).reach).max();
-        around.fill(self.size, self.colors, origin, reach.unwrap_or(0) as usize);
-        for y in 0..extent.1 {
-            self.cancel.check()?;
-            self.tilted_row(around, row(y), y, out);
+            Surface::Tilted(steps) => {
+                let reach = steps.map(|step| self.kernels.get(step * APART).reach).max();
+                around.fill(self.size, self.colors, origin, reach.unwrap_or(0) as usize);
+                for x in strips {
+                    self.tilted_strip(around, origin, x, extent, out)?;
+                }
+            }
         }
         Ok(())
     }
 
-    /// A row of pixels of different depths: of each disc in turn, what the pixels between it and the next ones take.
-    fn tilted_row<T: Real>(&self, around: &Surroundings<T>, s: &[f32], y: usize, out: &mut TileColor) {
-        let mut positions = [0.0f64; TILE.0];
-        let positions = &mut positions[..s.len()];
-        positions.iter_mut().zip(s).for_each(|(p, &s)| *p = position(s, self.s_focus));
-        out.planes.iter_mut().for_each(|plane| plane[y * TILE.0..][..TILE.0].fill(0.0));
-        for step in range_of(positions.iter().copied()) {
-            let share = |p: f64| (1.0 - (p - f64::from(step)).abs()).max(0.0);
-            let Some(first) = positions.iter().position(|&p| share(p) > 0.0) else { continue };
-            let end = positions.iter().rposition(|&p| share(p) > 0.0).map_or(first, |last| last + 1);
-            let mut shares = [T::default(); TILE.0];
-            shares
-                .iter_mut()
-                .zip(&positions[first..end])
-                .for_each(|(share_of, &p)| *share_of = T::from_f64(share(p)));
-            let kernel = self.kernels.get(step * APART);
-            self.simd.run(
-                #[inline(always)]
-                || add_shares(around, kernel, first, y, &shares[..end - first], out),
-            );
-        }
-    }
-}
-
-/// A row of pixels of one depth.
-#[inline(always)]
-fn flat_row<T: Real>(around: &Surroundings<T>, kernel: &Kernel, y: usize, out: &mut TileColor) {
-    for (c, plane) in out.planes.iter_mut().enumerate() {
-        for (x, out) in plane[y * TILE.0..][..TILE.0].chunks_exact_mut(LANES).enumerate() {
-            let means = around.convolve(kernel, c, x * LANES, y);
-            out.iter_mut().zip(means).for_each(|(out, mean)| *out = mean.to_f32());
-        }
-    }
-}
-
-/// Adds the share that each pixel from `first` on has in one disc.
-#[inline(always)]
-fn add_shares<T: Real>(
-    around: &Surroundings<T>,
-    kernel: &Kernel,
-    first: usize,
-    y: usize,
-    shares: &[T],
-    out: &mut TileColor,
-) {
-    for (c, plane) in out.planes.iter_mut().enumerate() {
-        let row = &mut plane[y * TILE.0 + first..][..shares.len()];
-        for ((i, out), shares) in row.chunks_mut(LANES).enumerate().zip(shares.chunks(LANES)) {
-            let means = around.convolve(kernel, c, first + i * LANES, y);
-            for ((out, mean), &share) in out.iter_mut().zip(means).zip(shares) {
-                *out += (share * mean).to_f32();
+    /// Columns `x .. x + LANES` of a tile of different depths: of each disc in turn, what the pixels between it and the
+    /// next ones take.
+    fn tilted_strip<T: Real>(
+        &self,
+        around: &Surroundings<T>,
+        origin: (usize, usize),
+        x: usize,
+        extent: (usize, usize),
+        out: &mut TileColor,
+    ) -> Result<()> {
+        let n = LANES.min(extent.0 - x);
+        for y in 0..extent.1 {
+            self.cancel.check()?;
+            let s = &self.s[(origin.1 + y) * self.size.width + origin.0 + x..][..n];
+            let mut positions = [0.0f64; LANES];
+            positions.iter_mut().zip(s).for_each(|(p, &s)| *p = position(s, self.s_focus));
+            out.planes.iter_mut().for_each(|plane| plane[y * TILE.0 + x..][..LANES].fill(0.0));
+            for step in range_of(positions[..n].iter().copied()) {
+                let share = |p: f64| (1.0 - (p - f64::from(step)).abs()).max(0.0) as f32;
+                let shares = positions.map(share);
+                if shares[..n] == [0.0; LANES][..n] {
+                    continue;
+                }
+                let kernel = self.kernels.get(step * APART);
+                self.simd.run(
+                    #[inline(always)]
+                    || {
+                        for (c, plane) in out.planes.iter_mut().enumerate() {
+                            let means = around.convolve(kernel, c, x, y);
+                            let row = &mut plane[y * TILE.0 + x..][..LANES];
+                            row.iter_mut()
+                                .zip(means)
+                                .zip(shares)
+                                .for_each(|((out, mean), share)| *out += share * mean);
+                        }
+                    },
+                );
             }
         }
+        Ok(())
     }
+}
+
+/// Columns `x .. x + LANES` of a tile of one depth.
+#[inline(always)]
+fn level_strip<T: Real>(
+    around: &Surroundings<T>,
+    kernel: &Kernel,
+    x: usize,
+    rows: usize,
+    cancel: &Cancel,
+    out: &mut TileColor,
+) -> Result<()> {
+    for (c, plane) in out.planes.iter_mut().enumerate() {
+        for y in 0..rows {
+            cancel.check()?;
+            plane[y * TILE.0 + x..][..LANES].copy_from_slice(&around.convolve(kernel, c, x, y));
+        }
+    }
+    Ok(())
 }
 
 /// Columns and rows of the frame in the tile at `origin`.
 fn extent(size: Size, origin: (usize, usize)) -> (usize, usize) {
     (TILE.0.min(size.width - origin.0), TILE.1.min(size.height - origin.1))
-}
-
-/// The shift of all pixels of the tile at `origin`, if it is the same for all.
-pub fn only_shift(s: &[f32], size: Size, origin: (usize, usize)) -> Option<f32> {
-    let extent = extent(size, origin);
-    let row = |y: usize| &s[(origin.1 + y) * size.width + origin.0..][..extent.0];
-    let first = row(0)[0];
-    (0..extent.1).all(|y| row(y).iter().all(|&s| s == first)).then_some(first)
 }
 
 /// Where a shift lies between the discs that are interpolated.
@@ -259,17 +249,44 @@ fn range_of(positions: impl Iterator<Item = f64>) -> RangeInclusive<i32> {
     least.floor() as i32..=greatest.ceil() as i32
 }
 
-/// The radius steps that a tile needs.
-pub fn steps(
-    s: &[f32],
-    size: Size,
-    s_focus: f64,
-    origin: (usize, usize),
-) -> impl Iterator<Item = i32> + use<> {
-    let extent = extent(size, origin);
-    let rows = (origin.1..origin.1 + extent.1).flat_map(|y| &s[y * size.width + origin.0..][..extent.0]);
-    // The position rises with the shift, so that the extremes of one are those of the other.
-    let (least, greatest) =
-        rows.fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), &s| (lo.min(s), hi.max(s)));
-    range_of([least, greatest].into_iter().map(|s| position(s, s_focus))).map(|step| step * APART)
+/// The surface that a tile shows.
+pub enum Surface {
+    /// All has this shift relative to infinity.
+    Level(f32),
+    /// The discs that its pixels lie between, in steps of [`APART`].
+    Tilted(RangeInclusive<i32>),
+}
+
+impl Surface {
+    /// That of the tile at `origin`.
+    pub fn new(s: &[f32], size: Size, s_focus: f64, origin: (usize, usize)) -> Surface {
+        let extent = extent(size, origin);
+        let rows = (origin.1..origin.1 + extent.1).map(|y| &s[y * size.width + origin.0..][..extent.0]);
+        let (least, greatest) = rows.fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), row| {
+            let [least, greatest] = range(row);
+            (lo.min(least), hi.max(greatest))
+        });
+        if least == greatest {
+            return Surface::Level(least);
+        }
+        // The position rises with the shift, so that the extremes of one are those of the other.
+        Surface::Tilted(range_of([least, greatest].into_iter().map(|s| position(s, s_focus))))
+    }
+
+    /// The radius steps that it needs.
+    pub fn keys(&self) -> impl Iterator<Item = i32> + use<> {
+        let steps = match self {
+            Surface::Level(_) => 0..0,
+            Surface::Tilted(steps) => *steps.start()..*steps.end() + 1,
+        };
+        steps.map(|step| step * APART)
+    }
+
+    /// The shift that it has all over, if any.
+    pub fn level(&self) -> Option<f32> {
+        match self {
+            Surface::Level(s) => Some(*s),
+            Surface::Tilted(_) => None,
+        }
+    }
 }

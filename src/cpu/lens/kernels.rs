@@ -32,28 +32,69 @@ fn shift(key: i32) -> f64 {
     r.copysign(f64::from(key))
 }
 
-/// Kernels by radius step.
-pub struct Kernels {
-    keys: Vec<i32>,
+/// Kernels by what they are asked for by, in rising order.
+struct Table<K> {
+    keys: Vec<K>,
     kernels: Vec<Kernel>,
 }
 
-impl Kernels {
-    /// The kernels of all these steps.
-    pub fn new(aperture: &Aperture, keys: BTreeSet<i32>) -> Kernels {
-        let keys: Vec<i32> = keys.into_iter().collect();
+impl<K: Copy + Ord + Sync> Table<K> {
+    fn new(aperture: &Aperture, keys: BTreeSet<K>, shift: impl Fn(K) -> f64 + Sync) -> Table<K> {
+        let keys: Vec<K> = keys.into_iter().collect();
         let kernels = keys.par_iter().map(|&k| aperture.kernel(shift(k))).collect();
-        Kernels { keys, kernels }
+        Table { keys, kernels }
     }
 
-    /// The kernel of a step, which must have been asked for.
-    pub fn get(&self, key: i32) -> &Kernel {
+    /// The kernel of a key, which must have been asked for.
+    fn get(&self, key: K) -> &Kernel {
         &self.kernels[self.keys.partition_point(|&k| k < key)]
     }
 
-    /// All kernels by their steps.
-    pub fn iter(&self) -> impl Iterator<Item = (i32, &Kernel)> {
+    fn iter(&self) -> impl Iterator<Item = (K, &Kernel)> {
         self.keys.iter().copied().zip(&self.kernels)
+    }
+}
+
+/// Kernels by radius step, and those of surfaces that face the camera by their very shift.
+pub struct Kernels {
+    steps: Table<i32>,
+    /// By the bits of shifts relative to infinity.
+    level: Table<u32>,
+}
+
+impl Kernels {
+    /// The kernels of all these steps, and of these shifts relative to infinity.
+    pub fn new(
+        aperture: &Aperture,
+        s_focus: f64,
+        steps: BTreeSet<i32>,
+        level: impl Iterator<Item = f32>,
+    ) -> Kernels {
+        let of_bits = |bits: u32| f64::from(f32::from_bits(bits)) - s_focus;
+        Kernels {
+            steps: Table::new(aperture, steps, shift),
+            level: Table::new(aperture, level.map(f32::to_bits).collect(), of_bits),
+        }
+    }
+
+    /// The kernel of a step.
+    pub fn get(&self, key: i32) -> &Kernel {
+        self.steps.get(key)
+    }
+
+    /// The kernel of a shift relative to infinity.
+    pub fn level(&self, s: f32) -> &Kernel {
+        self.level.get(s.to_bits())
+    }
+
+    /// All kernels of steps.
+    pub fn of_steps(&self) -> impl Iterator<Item = (i32, &Kernel)> {
+        self.steps.iter()
+    }
+
+    /// All kernels of shifts.
+    pub fn of_shifts(&self) -> impl Iterator<Item = (f32, &Kernel)> {
+        self.level.iter().map(|(bits, kernel)| (f32::from_bits(bits), kernel))
     }
 }
 

@@ -35,13 +35,13 @@ use crate::error::{Result, value_error};
 use crate::optics::{Barrel, Optics};
 use crate::picture::Picture;
 use colors::Colors;
+use disc::Surface;
 use highlights::Highlights;
 use kernels::Kernels;
 use pack::{Packed, TILE};
 use plan::Plan;
 use rayon::prelude::*;
-use std::collections::BTreeSet;
-use sweep::{Looks, Segments, Start, TileColor};
+use sweep::{Segments, Start, TileColor};
 use tiles::Work;
 
 /// The largest circle of confusion that is rendered.
@@ -127,27 +127,20 @@ pub fn render(
     let highlights = Highlights::new(highlights, &packed.padding, &tiles);
 
     let front = &sheets.sheets[0];
-    let gathered = tiles.iter().filter(|tile| tile.work == Work::Disc);
-    let mut keys: BTreeSet<i32> =
-        gathered.flat_map(|tile| disc::steps(&front.s, size, s_focus, tile.origin)).collect();
-    keys.extend(highlights.shifts().map(kernels::key));
-    let kernels = Kernels::new(&settings.aperture, keys);
-    let gather = disc::Gather {
-        size,
-        colors: &colors[0],
-        s: &front.s,
-        s_focus,
-        aperture: &settings.aperture,
-        kernels: &kernels,
-        simd,
-        cancel,
-    };
+    let discs = tiles.par_iter().filter(|tile| tile.work == Work::Disc);
+    let discs = discs.map(|tile| Surface::new(&front.s, size, s_focus, tile.origin));
+    let surfaces: Vec<Surface> = discs.collect();
+    let keys = surfaces.iter().flat_map(Surface::keys).chain(highlights.shifts().map(kernels::key)).collect();
+    let level = surfaces.iter().filter_map(Surface::level);
+    let kernels = Kernels::new(&settings.aperture, s_focus, keys, level);
+    let gather =
+        disc::Gather { size, colors: &colors[0], s: &front.s, s_focus, kernels: &kernels, simd, cancel };
 
     let scene = highlights::Scene { packed: &packed, s_focus, kernels: &kernels, clip: clip.as_ref() };
     let mut slots = split(out, size, TILE);
     slots.par_iter_mut().zip(&tiles).enumerate().try_for_each_init(
-        || (Segments::default(), Looks::default(), Around::default(), TileColor::new(size.channels)),
-        |(segments, looks, around, color), (i, (slot, tile))| {
+        || (Segments::default(), Around::default(), TileColor::new(size.channels)),
+        |(segments, around, color), (i, (slot, tile))| {
             cancel.check()?;
             match &tile.work {
                 Work::Copy => copy(picture, tile.origin, color),
@@ -162,7 +155,7 @@ pub fn render(
                         clip: clip.as_ref(),
                     };
                     segments.trace(&start, &view_sets[views]);
-                    sweep::sweep(simd, &packed, segments, looks, tile.origin, missed, color);
+                    sweep::sweep(simd, &packed, segments, tile.origin, missed, color);
                 }
             }
             highlights.draw(&scene, i, tile.origin, color);

@@ -131,7 +131,7 @@ impl PartialPlanes {
 }
 
 /// The blocks in which a sheet is laid out.
-pub struct Present {
+struct Present {
     across: usize,
     blocks: Vec<bool>,
 }
@@ -160,7 +160,7 @@ impl Present {
     }
 
     /// The stretches of padded row `py` that are laid out.
-    pub fn stretches(&self, py: usize) -> impl Iterator<Item = Range<usize>> + '_ {
+    fn stretches(&self, py: usize) -> impl Iterator<Item = Range<usize>> + '_ {
         self.parts(py).filter_map(|(laid_out, stretch)| laid_out.then_some(stretch))
     }
 }
@@ -172,8 +172,6 @@ pub struct PackedSheet {
     /// Colour planes, which mean something only where there is a cell.
     pub color: Vec<Buffer<f32>>,
     pub partial: Option<PartialPlanes>,
-    /// Where which depths occur.
-    pub patches: Patches,
     present: Present,
 }
 
@@ -187,6 +185,8 @@ pub struct Packed {
     pub blocks: Blocks,
     /// See [`Blocks::windows`].
     pub windows: Vec<DepthBits>,
+    /// Where which depths occur, more finely.
+    pub patches: Patches,
 }
 
 /// The part of a padded stretch that lies inside the frame, and what is left of it on both sides.
@@ -198,14 +198,7 @@ fn parts(padding: &Padding, stretch: &Range<usize>) -> (Range<usize>, impl Itera
 }
 
 /// Lays out the depths of a sheet.
-fn depths(
-    depths: &Depths,
-    sheet: &Sheet,
-    padding: &Padding,
-    present: Present,
-    codes: &Codes,
-    simd: Simd,
-) -> PackedSheet {
+fn depths(depths: &Depths, sheet: &Sheet, padding: &Padding, present: Present) -> PackedSheet {
     let cells = padding.stride * padding.rows;
     let (mut lo, mut hi) = (Buffer::unset(cells), Buffer::unset(cells));
     let rows = lo.par_chunks_mut(padding.stride).zip(hi.par_chunks_mut(padding.stride));
@@ -227,9 +220,7 @@ fn depths(
             }
         }
     });
-    let patches = Patches::new(&lo, &hi, padding, &present, codes, simd);
-    let partial = PartialPlanes::new(sheet, padding, &present);
-    PackedSheet { lo, hi, color: Vec::new(), partial, patches, present }
+    PackedSheet { lo, hi, color: Vec::new(), partial: PartialPlanes::new(sheet, padding, &present), present }
 }
 
 /// Colours of cells as they are drawn: widened or sharpened to their footprint.
@@ -364,12 +355,12 @@ impl Packed {
         needed: &[bool],
         simd: Simd,
     ) -> Packed {
-        let packed = sheets.sheets.iter().zip(sheets.depths.iter()).enumerate().map(|(k, (sheet, d))| {
-            depths(d, sheet, &padding, Present::new(&blocks, k, needed), &sheets.codes, simd)
-        });
-        let packed = packed.collect();
-        let windows = blocks.windows();
-        Packed { padding, codes: sheets.codes, reach_px, sheets: packed, blocks, windows }
+        let packed = sheets.sheets.iter().zip(sheets.depths.iter()).enumerate();
+        let packed =
+            packed.map(|(k, (sheet, d))| depths(d, sheet, &padding, Present::new(&blocks, k, needed)));
+        let packed: Vec<_> = packed.collect();
+        let (windows, patches) = (blocks.windows(), Patches::new(&packed, &padding, simd));
+        Packed { padding, codes: sheets.codes, reach_px, sheets: packed, blocks, windows, patches }
     }
 
     /// Lays out the colours of all sheets, widened or sharpened to their footprint.
@@ -389,6 +380,11 @@ impl Packed {
 }
 
 impl PackedSheet {
+    /// The stretches of padded row `py` that are laid out.
+    pub fn stretches(&self, py: usize) -> impl Iterator<Item = Range<usize>> + '_ {
+        self.present.stretches(py)
+    }
+
     /// Lays out the colours of this sheet, number `sheet`.
     fn set_colors(&mut self, drawn: &Drawn, sheet: usize, padding: &Padding) {
         let (size, pad, stride) = (drawn.size, padding.pad, padding.stride);

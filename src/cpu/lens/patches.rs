@@ -1,21 +1,38 @@
 //! Which depths occur where, by small patches of cells, so that the sweep only looks where something is.
 
-use super::blocks::{DepthBits, any_bin, unite};
-use super::cells::Codes;
 use super::lanes::LANES;
-use super::pack::{Padding, Present};
+use super::pack::{PackedSheet, Padding};
 use crate::cpu::simd::Simd;
 use rayon::prelude::*;
 
 /// Columns and rows of a patch.
 const PATCH: (usize, usize) = (8, 4);
-/// Columns and rows of the part of a tile that is swept with one choice of looks.
+/// Columns and rows of the part of a tile that is swept with one choice of looks. Parts begin with a patch.
 pub const PART: (usize, usize) = (LANES, 8);
+/// Codes are told apart by their highest six bits.
+const SHIFT: u32 = 10;
 
-/// For each patch of a padded sheet, the depths that occur in a part that begins anywhere in it.
+/// For each patch of the padded frame, then each sheet: the depths that occur in a part that begins anywhere in the
+/// patch.
 pub struct Patches {
     across: usize,
-    bits: Vec<DepthBits>,
+    sheets: usize,
+    bits: Vec<u64>,
+}
+
+/// What a look needs of the part that it is for.
+#[derive(Debug, Clone, Copy)]
+pub struct Need {
+    /// From the part's own entry to that of the patch and sheet that are looked at.
+    entry: i32,
+    /// The depths, one of which has to occur.
+    depths: u64,
+}
+
+/// The bits of the codes `first ..= last`.
+#[inline(always)]
+fn bits(first: u16, last: u16) -> u64 {
+    (u64::MAX << (first >> SHIFT)) & (u64::MAX >> (63 - (last >> SHIFT)))
 }
 
 /// Least and greatest code of a patch's cells; the least is beyond all where it has none.
@@ -34,81 +51,79 @@ fn range(lo: &[u16], hi: &[u16], stride: usize) -> (u16, u16) {
     (least.saturating_add(1), greatest.iter().fold(0, |m, &v| m.max(v)))
 }
 
-/// Sets the bins of the codes from `lo` to `hi`.
-fn set(bits: &mut DepthBits, lo: u16, hi: u16) {
-    for bin in lo >> 8..=hi >> 8 {
-        bits[usize::from(bin >> 6)] |= 1 << (bin & 63);
-    }
-}
-
 /// The depths that occur in the patch at the beginning of `lo` and `hi`.
-fn depths(lo: &[u16], hi: &[u16], stride: usize, codes_per_px: u16, simd: Simd) -> DepthBits {
-    let mut bits = [0; 4];
-    let (least, greatest) = simd.run(
-        #[inline(always)]
-        || range(lo, hi, stride),
-    );
+#[inline(always)]
+fn depths(lo: &[u16], hi: &[u16], stride: usize) -> u64 {
+    let (least, greatest) = range(lo, hi, stride);
     if greatest == 0 {
-        return bits;
+        return 0;
     }
-    // Where all lies within a pixel, knowing the bins one by one would hardly save a look.
-    if (greatest >> 8) - (least >> 8) <= 1 || greatest - least < codes_per_px {
-        set(&mut bits, least, greatest);
-        return bits;
+    if (greatest >> SHIFT) - (least >> SHIFT) <= 1 {
+        return bits(least, greatest);
     }
-    for at in (0..PATCH.1).map(|row| row * stride) {
-        for x in (at..at + PATCH.0).filter(|&x| hi[x] > 0) {
-            set(&mut bits, lo[x], hi[x]);
-        }
-    }
-    bits
+    let rows = (0..PATCH.1).flat_map(|row| row * stride..row * stride + PATCH.0);
+    rows.filter(|&i| hi[i] > 0).fold(0, |all, i| all | bits(lo[i], hi[i]))
 }
 
 impl Patches {
-    /// Those of a sheet's padded depths.
-    pub fn new(
-        lo: &[u16],
-        hi: &[u16],
-        padding: &Padding,
-        present: &Present,
-        codes: &Codes,
-        simd: Simd,
-    ) -> Patches {
-        let (stride, across) = (padding.stride, padding.stride / PATCH.0);
-        let down = padding.rows / PATCH.1;
-        let codes_per_px = (1.0 / codes.step()) as u16;
+    /// Those of all sheets.
+    pub fn new(packed: &[PackedSheet], padding: &Padding, simd: Simd) -> Patches {
+        let (stride, sheets) = (padding.stride, packed.len());
+        let (across, down) = (stride / PATCH.0, padding.rows / PATCH.1);
         // A part that does not begin with a patch touches one more.
         let (wide, high) = (PART.0 / PATCH.0 + 1, PART.1 / PATCH.1 + 1);
+        let row = across * sheets;
 
-        let mut along = vec![[0; 4]; across * down];
-        along.par_chunks_mut(across).enumerate().for_each_init(
-            || vec![[0; 4]; across + wide],
+        let mut along = vec![0; row * down];
+        along.par_chunks_mut(row).enumerate().for_each_init(
+            || vec![0; row + wide * sheets],
             |own, (y, out)| {
-                own.fill([0; 4]);
-                for stretch in present.stretches(y * PATCH.1) {
-                    for at in stretch.step_by(PATCH.0) {
-                        let first = y * PATCH.1 * stride + at;
-                        own[at / PATCH.0] = depths(&lo[first..], &hi[first..], stride, codes_per_px, simd);
+                own.fill(0);
+                for (k, sheet) in packed.iter().enumerate() {
+                    for stretch in sheet.stretches(y * PATCH.1) {
+                        let first = y * PATCH.1 * stride + stretch.start;
+                        let (lo, hi) = (&sheet.lo[first..], &sheet.hi[first..]);
+                        let own = &mut own[stretch.start / PATCH.0 * sheets + k..];
+                        simd.run(
+                            #[inline(always)]
+                            || {
+                                for i in 0..stretch.len() / PATCH.0 {
+                                    let at = i * PATCH.0;
+                                    own[i * sheets] = depths(&lo[at..], &hi[at..], stride);
+                                }
+                            },
+                        );
                     }
                 }
-                for (x, out) in out.iter_mut().enumerate() {
-                    own[x..x + wide].iter().for_each(|bits| unite(out, bits));
+                for (i, out) in out.iter_mut().enumerate() {
+                    *out = (0..wide).fold(0, |all, k| all | own[i + k * sheets]);
                 }
             },
         );
-        let mut bits = vec![[0; 4]; across * down];
-        bits.par_chunks_mut(across).enumerate().for_each(|(y, out)| {
-            for row in y..(y + high).min(down) {
-                out.iter_mut().zip(&along[row * across..]).for_each(|(out, bits)| unite(out, bits));
+        let mut bits = vec![0; row * down];
+        bits.par_chunks_mut(row).enumerate().for_each(|(y, out)| {
+            for y in y..(y + high).min(down) {
+                out.iter_mut().zip(&along[y * row..]).for_each(|(out, along)| *out |= along);
             }
         });
-        Patches { across, bits }
+        Patches { across, sheets, bits }
     }
 
-    /// Whether a part whose first cell is `(x, y)` may hold a cell that reaches into the codes `from .. to`.
+    /// The entry of the part whose first cell is `(x, y)` of the padded frame.
+    pub fn entry(&self, (x, y): (usize, usize)) -> usize {
+        (y / PATCH.1 * self.across + x / PATCH.0) * self.sheets
+    }
+
+    /// What looking at the codes `from .. to` of a sheet needs, for the cells that lie `cell` away.
+    pub fn need(&self, cell: [i32; 2], sheet: usize, from: u16, to: u16) -> Need {
+        let [x, y] = [cell[0].div_euclid(PATCH.0 as i32), cell[1].div_euclid(PATCH.1 as i32)];
+        let entry = (y * self.across as i32 + x) * self.sheets as i32 + sheet as i32;
+        Need { entry, depths: bits(from, to - 1) }
+    }
+
+    /// Whether the part of an entry may have what is needed.
     #[inline(always)]
-    pub fn may_hold(&self, (x, y): (usize, usize), from: u16, to: u16) -> bool {
-        let bits = &self.bits[y / PATCH.1 * self.across + x / PATCH.0];
-        any_bin(bits, usize::from(from >> 8), usize::from((to - 1) >> 8))
+    pub fn may_have(&self, entry: usize, need: &Need) -> bool {
+        self.bits[entry.wrapping_add_signed(need.entry as isize)] & need.depths != 0
     }
 }

@@ -187,27 +187,39 @@ fn from_one_layer(size: Size, layer: &Layer, k: f64, simd: Simd, cancel: &Cancel
 
 /// Half-planes of the pixels that are mixed in earnest.
 fn half_planes(frame: &Frame, mixed: &[Mixed]) -> Vec<(usize, HalfPlane)> {
-    let width = frame.size.width;
-    let coverage_of = |q: usize, middle: f32| match mixed.binary_search_by_key(&q, |m| m.index) {
-        Ok(i) => mixed[i].coverage,
-        Err(_) => f32::from(frame.s[q] > middle),
-    };
-    mixed
-        .par_iter()
-        .filter(|m| m.coverage > 0.0 && m.coverage < 1.0)
-        .map(|m| {
-            let (x, y) = (m.index % width, m.index / width);
+    let (width, height) = (frame.size.width, frame.size.height);
+    let first_from = |index: usize| mixed.partition_point(|m| m.index < index);
+    let starts: Vec<usize> = (0..=height).into_par_iter().map(|y| first_from(y * width)).collect();
+    let row = |y: usize| {
+        let row_of = |y: usize| &mixed[starts[y]..starts[y + 1]];
+        // The rows above, here and below, each without what lies too far left to be a neighbour any more.
+        let mut rows = [y.saturating_sub(1), y, (y + 1).min(height - 1)].map(row_of);
+        let mut planes = Vec::new();
+        for m in row_of(y) {
+            let x = m.index % width;
+            for row in &mut rows {
+                let left = row.iter().take_while(|q| q.index % width + 1 < x).count();
+                *row = &row[left..];
+            }
+            if m.coverage <= 0.0 || m.coverage >= 1.0 {
+                continue;
+            }
             let middle = 0.5 * (m.s_front + m.s_back);
+            let coverage_of = |j: usize, q: usize| {
+                let own = rows[j].iter().take(3).find(|other| other.index == q);
+                own.map_or_else(|| f32::from(frame.s[q] > middle), |own| own.coverage)
+            };
             let around = std::array::from_fn(|j| {
                 std::array::from_fn(|i| {
-                    frame
-                        .offset(x, y, i as i32 - 1, j as i32 - 1)
-                        .map_or(m.coverage, |q| coverage_of(q, middle))
+                    let q = frame.offset(x, y, i as i32 - 1, j as i32 - 1);
+                    q.map_or(m.coverage, |q| coverage_of(j, q))
                 })
             });
-            (m.index, HalfPlane::from_coverage(around, m.index))
-        })
-        .collect()
+            planes.push((m.index, HalfPlane::from_coverage(around, m.index)));
+        }
+        planes
+    };
+    (0..height).into_par_iter().flat_map_iter(row).collect()
 }
 
 /// Real layers: coverage is alpha, colours are each surface's own, nothing is invented.

@@ -9,7 +9,7 @@ use super::blocks::{BLOCK, DepthBits, any_bin};
 use super::lanes::{HalfPlaneRow, LANES, Lanes, Portable, Ray};
 use super::line::Line;
 use super::pack::{Packed, TILE};
-use super::patches::PART;
+use super::patches::{Need, PART, Patches};
 use crate::cpu::simd::Simd;
 use crate::views::View;
 
@@ -17,67 +17,33 @@ use crate::views::View;
 const ROWS: usize = 2;
 
 /// A stretch of depth over which a view's rays stay at one offset.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 struct Segment {
-    /// From an output pixel to the cell, in columns and rows.
-    cell: [i16; 2],
+    /// From an output pixel to the cell, in padded cells.
+    offset: i32,
     /// Codes `from .. to`.
     from: u16,
     to: u16,
     sheet: u32,
-}
-
-/// A segment for a part of the tile in which something may be met.
-#[derive(Debug, Clone, Copy, Default)]
-struct Look {
-    /// From an output pixel to the cell, in padded cells.
-    offset: i32,
-    from: u16,
-    to: u16,
-    sheet: u32,
-    /// Which segment it is.
-    segment: u32,
+    /// Which of the tile's rays.
+    ray: u32,
 }
 
 /// The segments of all views over one tile.
 #[derive(Default)]
 pub struct Segments {
     segments: Vec<Segment>,
+    /// What makes it worth while to look at each.
+    needs: Vec<Need>,
     rays: Vec<Ray>,
     /// End of each view's segments.
     ends: Vec<u32>,
     /// For each view, the pixels of each row of the tile that see it; empty where all see all.
     seen: Vec<Seen>,
-}
-
-/// Those of a tile's segments that one part of it needs.
-#[derive(Default)]
-pub struct Looks {
-    looks: Vec<Look>,
+    /// The segments that the part at hand has to look at.
+    looks: Vec<Segment>,
     /// End of each view's looks.
-    ends: Vec<u32>,
-}
-
-impl Looks {
-    /// Chooses the segments in which anything is for the part of the tile that begins at `(x, y)` of the padded
-    /// frame.
-    fn choose(&mut self, packed: &Packed, segments: &Segments, (x, y): (usize, usize)) {
-        self.ends.clear();
-        self.looks.resize(segments.segments.len(), Look::default());
-        let stride = packed.padding.stride as i32;
-        let (mut start, mut n) = (0, 0);
-        for &end in &segments.ends {
-            for (i, segment) in segments.segments[start..end as usize].iter().enumerate() {
-                let Segment { cell: [dx, dy], from, to, sheet } = *segment;
-                let place = (x.wrapping_add_signed(dx.into()), y.wrapping_add_signed(dy.into()));
-                let (offset, segment) = (i32::from(dy) * stride + i32::from(dx), (start + i) as u32);
-                self.looks[n] = Look { offset, from, to, sheet, segment };
-                n += usize::from(packed.sheets[sheet as usize].patches.may_hold(place, from, to));
-            }
-            start = end as usize;
-            self.ends.push(n as u32);
-        }
-    }
+    look_ends: Vec<u32>,
 }
 
 /// Runs of set bits, as `first .. end`.
@@ -131,9 +97,30 @@ impl Segments {
         }
     }
 
+    /// Chooses the looks of the part of the tile that begins at `place` of the padded frame.
+    fn choose(&mut self, patches: &Patches, place: (usize, usize)) {
+        let Segments { segments, needs, ends, looks, look_ends, .. } = self;
+        let entry = patches.entry(place);
+        // Room for all, so that to keep one is to count it.
+        if looks.len() < segments.len() {
+            looks.resize(segments.len(), Segment::default());
+        }
+        look_ends.clear();
+        let (mut start, mut n) = (0, 0);
+        for &end in ends.iter() {
+            for (segment, need) in segments[start..end as usize].iter().zip(&needs[start..end as usize]) {
+                looks[n] = *segment;
+                n += usize::from(patches.may_have(entry, need));
+            }
+            start = end as usize;
+            look_ends.push(n as u32);
+        }
+    }
+
     /// Follows every view through the depths that occur, near to far.
     pub fn trace(&mut self, start: &Start, views: &[View]) {
         self.segments.clear();
+        self.needs.clear();
         self.rays.clear();
         self.ends.clear();
         self.seen.clear();
@@ -164,13 +151,15 @@ impl Segments {
         let Start { packed, s_focus, .. } = *start;
         let line = Line::new(&packed.codes, s_focus, lens, ray_start);
         line.follow(near, far, |cell, from, to| {
-            let place = cell.map(|v| v as i16);
+            let place = cell.map(|v| v as i32);
+            let offset = place[1] * packed.padding.stride as i32 + place[0];
             let [bx, by] = line.base_from(cell);
             let ray = Ray { ax: line.slope[0] as f32, bx, ay: line.slope[1] as f32, by };
             for (sheet, bits) in start.depths_at(cell).iter().enumerate() {
                 if any_bin(bits, from >> 8, (to - 1) >> 8) {
-                    let (from, to, sheet) = (from as u16, to as u16, sheet as u32);
-                    self.segments.push(Segment { cell: place, from, to, sheet });
+                    let (from, to, ray_number) = (from as u16, to as u16, self.rays.len() as u32);
+                    self.needs.push(packed.patches.need(place, sheet, from, to));
+                    self.segments.push(Segment { offset, from, to, sheet: sheet as u32, ray: ray_number });
                     self.rays.push(ray);
                 }
             }
@@ -214,7 +203,6 @@ impl TileColor {
 unsafe fn sweep_rows<L: Lanes, const C: usize>(
     packed: &Packed,
     segments: &Segments,
-    looks: &Looks,
     at_tile: (usize, usize),
     base: usize,
     sums: &mut [[[f32; LANES]; C]; ROWS],
@@ -225,10 +213,10 @@ unsafe fn sweep_rows<L: Lanes, const C: usize>(
     unsafe {
         let mut sum = [[L::zero(); C]; ROWS];
         let mut start = 0;
-        for (view, &end) in looks.ends.iter().enumerate() {
+        for (view, &end) in segments.look_ends.iter().enumerate() {
             let end = end as usize;
             let mut waiting = segments.waiting(view, at_tile);
-            for look in &looks.looks[start..end] {
+            for look in &segments.looks[start..end] {
                 let sheet = &packed.sheets[look.sheet as usize];
                 let first = base.wrapping_add_signed(look.offset as isize);
                 let mut hits = [0u32; ROWS];
@@ -251,7 +239,7 @@ unsafe fn sweep_rows<L: Lanes, const C: usize>(
                                 normal_y: partial.normal_y.as_ptr().add(at),
                                 cut: partial.cut.as_ptr().add(at),
                                 code: sheet.lo.as_ptr().add(at),
-                                ray: segments.rays[look.segment as usize],
+                                ray: segments.rays[look.ray as usize],
                             });
                             hits[row] &= !doubtful | covered;
                         }
@@ -293,21 +281,20 @@ unsafe fn sweep_rows<L: Lanes, const C: usize>(
 #[inline(always)]
 unsafe fn sweep_tile<L: Lanes, const C: usize>(
     packed: &Packed,
-    segments: &Segments,
-    looks: &mut Looks,
+    segments: &mut Segments,
     origin: (usize, usize),
     missed_rule: Missed,
     out: &mut TileColor,
 ) {
     for (x, part_y) in parts() {
         let place = (origin.0 + packed.padding.pad + x, origin.1 + packed.padding.pad + part_y);
-        looks.choose(packed, segments, place);
+        segments.choose(&packed.patches, place);
         for y in (part_y..part_y + PART.1).step_by(ROWS) {
             let base = packed.padding.index(origin.0 + x, origin.1 + y);
             let mut sums = [[[0.0; LANES]; C]; ROWS];
             let mut missed = [[0u16; LANES]; ROWS];
             // SAFETY: per the function's contract.
-            unsafe { sweep_rows::<L, C>(packed, segments, looks, (x, y), base, &mut sums, &mut missed) };
+            unsafe { sweep_rows::<L, C>(packed, segments, (x, y), base, &mut sums, &mut missed) };
             for row in 0..ROWS {
                 for lane in 0..LANES {
                     let views = segments.seen_from(x + lane, y + row) as f32;
@@ -337,7 +324,7 @@ fn parts() -> impl Iterator<Item = (usize, usize)> {
 }
 
 /// One compiled sweep: an instruction set and a number of channels.
-type SweepFn = unsafe fn(&Packed, &Segments, &mut Looks, (usize, usize), Missed, &mut TileColor);
+type SweepFn = unsafe fn(&Packed, &mut Segments, (usize, usize), Missed, &mut TileColor);
 
 macro_rules! faces {
     ($($name:ident, $lanes:ty, $($feature:literal)?;)*) => {
@@ -348,14 +335,13 @@ macro_rules! faces {
             $(#[target_feature(enable = $feature)])?
             unsafe fn $name<const C: usize>(
                 packed: &Packed,
-                segments: &Segments,
-                looks: &mut Looks,
+                segments: &mut Segments,
                 origin: (usize, usize),
                 missed: Missed,
                 out: &mut TileColor,
             ) {
                 // SAFETY: per the function's contract.
-                unsafe { sweep_tile::<$lanes, C>(packed, segments, looks, origin, missed, out) }
+                unsafe { sweep_tile::<$lanes, C>(packed, segments, origin, missed, out) }
             }
         )*
     };
@@ -392,8 +378,7 @@ fn face(simd: Simd, channels: usize) -> SweepFn {
 pub fn sweep(
     simd: Simd,
     packed: &Packed,
-    segments: &Segments,
-    looks: &mut Looks,
+    segments: &mut Segments,
     origin: (usize, usize),
     missed: Missed,
     out: &mut TileColor,
@@ -401,5 +386,5 @@ pub fn sweep(
     let sweep = face(simd, out.planes.len());
     // SAFETY: `Simd` values come from `available`, which detects the instructions; the padding is at least as wide
     // as the largest shift plus the half pixel of a ray's start, so that every segment stays inside.
-    unsafe { sweep(packed, segments, looks, origin, missed, out) }
+    unsafe { sweep(packed, segments, origin, missed, out) }
 }

@@ -2,11 +2,11 @@
 
 use crate::aperture::{Aperture, Kernel};
 use crate::cpu::lens::Sheets;
-use crate::cpu::lens::disc::{APART, only_shift, steps};
+use crate::cpu::lens::disc::{APART, Surface};
 use crate::cpu::lens::highlights::Highlights;
 use crate::cpu::lens::kernels;
 use crate::cpu::lens::plan::Plan;
-use crate::cpu::lens::tiles::Work;
+use crate::cpu::lens::tiles::{Tile, Work};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -44,33 +44,32 @@ impl Kernels {
         let s = &sheets.sheets[0].s;
         // Tiles of one depth have exactly their own disc; others share discs by steps of radius.
         let discs = plan.tiles.par_iter().filter(|tile| tile.work == Work::Disc);
-        let flat: Vec<_> = discs.map(|tile| (tile.origin, only_shift(s, sheets.size, tile.origin))).collect();
-        let tilted = flat.iter().filter(|(_, shift)| shift.is_none());
-        let gathered: BTreeSet<i32> =
-            tilted.flat_map(|(origin, _)| steps(s, sheets.size, plan.s_focus, *origin)).collect();
+        let of = |tile: &Tile| (tile.origin, Surface::new(s, sheets.size, plan.s_focus, tile.origin));
+        let discs: Vec<_> = discs.map(of).collect();
+        let surfaces = || discs.iter().map(|(_, surface)| surface);
+        let gathered: BTreeSet<i32> = surfaces().flat_map(Surface::keys).collect();
         let keys: Vec<i32> = highlights.shifts().map(kernels::key).collect();
 
-        let by_key = kernels::Kernels::new(aperture, gathered.iter().chain(&keys).copied().collect());
+        let steps = gathered.iter().chain(&keys).copied().collect();
+        let kernels =
+            kernels::Kernels::new(aperture, plan.s_focus, steps, surfaces().filter_map(Surface::level));
         let nothing = Kernel { reach: 0, run_weight: 0.0, rows: Vec::new() };
         let first_step = gathered.first().map_or(0, |key| key / APART);
         let last_step = gathered.last().map_or(-1, |key| key / APART);
         let mut all: Vec<&Kernel> = (first_step..=last_step)
-            .map(|step| if gathered.contains(&(step * APART)) { by_key.get(step * APART) } else { &nothing })
+            .map(|step| if gathered.contains(&(step * APART)) { kernels.get(step * APART) } else { &nothing })
             .collect();
-        let of_key: BTreeMap<i32, usize> = by_key.iter().map(|(key, _)| key).zip(all.len()..).collect();
-        all.extend(by_key.iter().map(|(_, kernel)| kernel));
+        let of_key: BTreeMap<i32, usize> = kernels.of_steps().map(|(key, _)| key).zip(all.len()..).collect();
+        all.extend(kernels.of_steps().map(|(_, kernel)| kernel));
 
-        let shifts: BTreeSet<u32> = flat.iter().filter_map(|(_, shift)| shift.map(f32::to_bits)).collect();
-        let of_shift: BTreeMap<u32, usize> = shifts.iter().copied().zip(all.len()..).collect();
-        let exact: Vec<Kernel> = shifts
-            .into_iter()
-            .collect::<Vec<_>>()
-            .into_par_iter()
-            .map(|bits| aperture.kernel(f64::from(f32::from_bits(bits)) - plan.s_focus))
-            .collect();
-        all.extend(&exact);
+        let of_shift: BTreeMap<u32, usize> =
+            kernels.of_shifts().map(|(s, _)| s.to_bits()).zip(all.len()..).collect();
+        all.extend(kernels.of_shifts().map(|(_, kernel)| kernel));
 
-        let disc = |shift: Option<f32>| shift.map_or(Disc::Own, |s| Disc::Same(of_shift[&s.to_bits()]));
+        let disc = |surface: &Surface| match surface {
+            Surface::Level(s) => Disc::Same(of_shift[&s.to_bits()]),
+            Surface::Tilted(_) => Disc::Own,
+        };
         Kernels {
             words: words(&all),
             most_rows: all.iter().map(|kernel| kernel.rows.len()).max().unwrap_or(0),
@@ -81,7 +80,7 @@ impl Kernels {
                 .max()
                 .unwrap_or(0),
             first_step,
-            tiles: flat.iter().map(|&(origin, shift)| (origin, disc(shift))).collect(),
+            tiles: discs.iter().map(|(origin, surface)| (*origin, disc(surface))).collect(),
             of_highlights: keys.iter().map(|key| of_key[key]).collect(),
         }
     }
