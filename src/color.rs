@@ -56,9 +56,14 @@ macro_rules! float_samples {
 }
 
 float_samples! {
-    f16, f16::to_f32, f16::from_f32;
+    f16, f16::to_f32, half;
     f32, |v| v, |v| v;
     f64, |v| v as f32, f64::from;
+}
+
+/// The nearest half: unmixed colours may be brighter than all that came in, and halves end at 65504.
+fn half(v: f32) -> f16 {
+    f16::from_f32(v.clamp(f16::MIN.to_f32(), f16::MAX.to_f32()))
 }
 
 macro_rules! integer_samples {
@@ -80,6 +85,15 @@ integer_samples!(u8, u16);
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn halves_saturate() {
+        for (v, expected) in
+            [(1e9, f16::MAX), (-7e4, f16::MIN), (65504.0, f16::MAX), (1.5, f16::from_f32(1.5))]
+        {
+            assert_eq!(f16::from_code(v), expected);
+        }
+    }
 
     #[test]
     fn every_integer_survives_the_way_there_and_back() {

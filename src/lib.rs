@@ -13,6 +13,7 @@ mod memory;
 pub mod optics;
 pub mod picture;
 pub mod plan;
+#[cfg(feature = "python")]
 mod python;
 pub mod render;
 pub mod views;

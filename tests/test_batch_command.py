@@ -254,6 +254,46 @@ def test_refusals(few, capsys, arguments, message):
     assert not Path("out").exists()
 
 
+def test_a_manifest_is_not_overwritten(few, capsys):
+    Path("out").mkdir()
+    manifest = Path("out/failures.jsonl")
+    manifest.write_text('{"color": "../rgb/0000.exr", "depth": "../depth/0000_depth.pfm"}\n')
+    before = manifest.read_text()
+    assert batch("--manifest", manifest, "-o", "out", *LENS_OPTIONS) == 2
+    assert "failures.jsonl: is one of the inputs" in capsys.readouterr().err
+    assert manifest.read_text() == before
+
+
+@pytest.mark.skipif(os.name != "posix", reason="symbolic links")
+@pytest.mark.parametrize("link", ["0001.exr", "0001.exr.json", "deeper"])
+def test_no_link_leads_out_of_the_folder(few, capsys, link):
+    Path("elsewhere").mkdir()
+    Path("out").mkdir()
+    (Path("elsewhere") / link).write_text("mine")
+    Path("out", link).symlink_to(Path("elsewhere", link).absolute())
+    arguments = ["rgb", "depth"]
+    if link == "deeper":
+        Path("elsewhere", link).unlink()
+        Path("elsewhere", link).mkdir()
+        row = {"color": "rgb/0001.exr", "depth": "depth/0001_depth.pfm", "output": "deeper/a"}
+        Path("frames.jsonl").write_text(json.dumps(row))
+        arguments = ["--manifest", "frames.jsonl"]
+    assert batch(*arguments, "-o", "out", *LENS_OPTIONS) == 2
+    assert "a symbolic link leads it out of out" in capsys.readouterr().err
+    assert [path.name for path in Path("out").iterdir()] == [link]
+    if link == "deeper":
+        assert list(Path("elsewhere/deeper").iterdir()) == []
+    else:
+        assert Path("elsewhere", link).read_text() == "mine"
+
+
+def test_the_folder_of_the_results_may_be_a_link(few):
+    Path("disk").mkdir()
+    Path("out").symlink_to("disk")
+    assert batch("rgb", "depth", "-o", "out", *LENS_OPTIONS) == 0
+    assert len(list(Path("disk").glob("*.exr"))) == 4
+
+
 # The end of a run
 
 

@@ -16,6 +16,7 @@ from both_devices import (
     noise,
     random_color,
     render,
+    small,
     surfaces,
 )
 
@@ -32,6 +33,16 @@ def test_gpu_and_cpu_agree(gpu, name, method, options):
     scene = SCENES[name]()
     on_cpu = render(*scene, "cpu", method=method, **options)
     assert_agree(render(*scene, gpu, method=method, **options), on_cpu, method)
+
+
+@pytest.mark.parametrize(
+    "size", [(1, 7), (7, 1), (7, 63), (63, 65), (65, 127), (127, 64), (1, 4097), (4097, 1)]
+)
+@pytest.mark.parametrize("method", CASES)
+def test_gpu_and_cpu_agree_at_odd_sizes(gpu, method, size):
+    scene = small(*size)
+    on_gpu, on_cpu = (render(*scene, device, method=method) for device in (gpu, "cpu"))
+    assert_agree(on_gpu, on_cpu, method)
 
 
 @pytest.mark.parametrize(("method", "options"), flatten(METRIC_CASES))

@@ -1,5 +1,6 @@
 """Deep OpenEXR files: any number of samples a pixel, read as layers."""
 
+import resource
 import struct
 
 import dofsim
@@ -187,6 +188,17 @@ def test_damaged_files_are_errors(tmp_path, noise, keep):
     (tmp_path / "deep.exr").write_bytes(deep_scanlines(noise)[:keep])
     with pytest.raises(ValueError, match=r"deep\.exr"):
         io.read_rgbd(tmp_path / "deep.exr")
+
+
+@pytest.mark.parametrize("window", ["data_window", "display_window"])
+@pytest.mark.parametrize("box", [(0, 0, 59999, 59999), (-(2**31), 0, 2**31 - 1, 0), (5, 5, 4, 4)])
+def test_a_short_file_that_claims_a_huge_window_is_cheap(tmp_path, noise, window, box):
+    (tmp_path / "deep.exr").write_bytes(deep_scanlines(noise, **{window: box}))
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(ValueError, match=r"deep\.exr: damaged file: its header claims .* cannot hold"):
+        io.read_rgbd(tmp_path / "deep.exr")
+    # Kibibytes on Linux, and bytes elsewhere, where this is no test.
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 64 * 1024
 
 
 def test_words_that_deep_files_do_not_take(tmp_path, noise):

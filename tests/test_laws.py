@@ -232,3 +232,15 @@ def test_layers_show_what_the_bar_hides(bars, focus):
     assert error(two) < 0.007
     assert error(one) < 0.016
     assert error(two) < error(one)
+
+
+@pytest.mark.parametrize("alpha", ["straight", "premultiplied"])
+def test_coverage_of_a_grey_picture_is_no_light_either(alpha):
+    rng = np.random.default_rng(3)
+    grey, coverage = rng.random((2, 30, 40, 1), dtype=np.float32)
+    depth = np.full((30, 40), 1.0, np.float32)
+    words = {"transfer": "srgb", "alpha": alpha}
+    two = render(np.concatenate([grey, coverage], axis=-1), depth, **words)
+    four = render(np.concatenate([grey, grey, grey, coverage], axis=-1), depth, **words)
+    np.testing.assert_array_equal(two[..., 1], four[..., 3])
+    np.testing.assert_array_equal(two[..., 0], four[..., 0])

@@ -174,3 +174,26 @@ def test_hdf5_written_by_pytables(tmp_path):
     with tables.open_file(tmp_path / "d.hdf5", "w") as file:
         file.create_carray("/", "dataset", obj=METRES.astype(np.float16), filters=tables.Filters(5, "zlib"))
     np.testing.assert_array_equal(io.read_depth(tmp_path / "d.hdf5"), METRES)
+
+
+def test_hdf5_that_has_its_values_in_other_files(folder):
+    write_hdf5("other.hdf5", METRES)
+    Path("secret").write_bytes(bytes(4 * METRES.size))
+    with h5py.File("raw.hdf5", "w") as file:
+        file.create_dataset("depth", METRES.shape, np.float32, external=[("secret", 0, 4 * METRES.size)])
+    with h5py.File("virtual.hdf5", "w") as file:
+        layout = h5py.VirtualLayout(METRES.shape, METRES.dtype)
+        layout[:] = h5py.VirtualSource("other.hdf5", "dataset", METRES.shape)
+        file.create_virtual_dataset("depth", layout)
+    with h5py.File("linked.hdf5", "w") as file:
+        file["depth"] = h5py.ExternalLink("other.hdf5", "dataset")
+    for name in ("raw", "virtual", "linked"):
+        with pytest.raises(ValueError, match=r"are in other files, which are not followed"):
+            io.read_depth(f"{name}.hdf5", channel="depth")
+    # Nor is a link to elsewhere taken for the only data set.
+    with pytest.raises(ValueError, match="several data sets or none"):
+        io.read_depth("linked.hdf5")
+    with h5py.File("soft.hdf5", "w") as file:
+        file["group/depth"] = METRES
+        file["depth"] = h5py.SoftLink("/group/depth")
+    np.testing.assert_array_equal(io.read_depth("soft.hdf5"), METRES)

@@ -70,6 +70,26 @@ def test_the_interpreter_is_free_while_a_render_runs():
     assert len(during) > (ended - began) / 0.005 / 10
 
 
+def test_the_interpreter_is_free_while_a_render_waits_for_another():
+    color, depth = scene(400, 600)
+    first, second = (
+        threading.Thread(target=render, args=(color, depth), kwargs={"views": views}) for views in (2048, 16)
+    )
+    began = time.perf_counter()
+    first.start()
+    # The first is among its views by now, and its workers are busy until they are done with all of them.
+    time.sleep(0.5)
+    second.start()
+    ticks = [time.perf_counter()]
+    while first.is_alive():
+        time.sleep(0.005)
+        ticks.append(time.perf_counter())
+    second.join()
+    assert ticks[-1] - began > 1.0, "too short a render to tell"
+    # Whoever waits for workers with the interpreter in hand keeps it until they are free.
+    assert max(np.diff(ticks)) < 0.5 * (ticks[-1] - ticks[0])
+
+
 @pytest.mark.skipif(os.name != "posix", reason="signals are sent the POSIX way")
 # In the middle of the preparation, and in the middle of the views.
 @pytest.mark.parametrize("after_s", [0.3, 3.0])

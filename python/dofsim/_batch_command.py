@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 _FRAMES = "Frames"
 _OUTPUTS = "Outputs"
 _RANDOM = "Random lenses"
+_FAILURES = "failures.jsonl"
 
 
 def batch_command(
@@ -241,7 +242,7 @@ def batch_command(
         except ValueError as error:
             raise ValueError(f"{row.color}: {error}" if row.lens else str(error)) from error
         frames.append(frame)
-    _check_paths(frames)
+    _check_paths(frames, output, [path for path in (manifest, lens_file) if path is not None])
     _check_options(frames[0])
     _remove_parts(frames)
     return _run(frames, output, workers=workers, dask=dask, resume=resume)
@@ -267,15 +268,21 @@ def _has_focus(words: dict[str, Any]) -> bool:
     return options.focus_word(words) in words
 
 
-def _check_paths(frames: list[Frame]) -> None:
-    """Refuse frames that would write over each other or over an input of any of them."""
+def _check_paths(frames: list[Frame], output: Path, lists: list[Path]) -> None:
+    """Refuse frames that would write over each other, over what is read, or through a link to elsewhere."""
     from .batch.pipeline import distinct
 
-    inputs = {path.resolve() for frame in frames for path in (frame.color, frame.depth) if path is not None}
+    folder = output.resolve()
+    read = [path for frame in frames for path in (frame.color, frame.depth) if path is not None]
+    inputs = {path.resolve() for path in (*read, *lists)}
+    written = [output / _FAILURES]
     for frame in distinct(frames):
-        for path in frame.files.values():
-            if path.resolve() in inputs:
-                raise ValueError(f"{path}: is one of the inputs, which are not overwritten")
+        written += [frame.record, *frame.files.values()]
+    for path in written:
+        if (resolved := path.resolve()) in inputs:
+            raise ValueError(f"{path}: is one of the inputs, which are not overwritten")
+        if not resolved.is_relative_to(folder):
+            raise ValueError(f"{path}: a symbolic link leads it out of {output}")
 
 
 def _check_options(frame: Frame) -> None:
@@ -312,7 +319,7 @@ def _run(frames: list[Frame], output: Path, *, workers: int, dask: str | None, r
     from .batch import map_frames
 
     output.mkdir(parents=True, exist_ok=True)
-    failures = output / "failures.jsonl"
+    failures = output / _FAILURES
     counts: Counter[str] = Counter()
     start = time.perf_counter()
     with (

@@ -78,7 +78,10 @@ def read_hdf5(path: StrPath, name: str | None) -> NDArray[Any]:
         raise ImportError("reading HDF5 needs h5py: pip install dofsim[hdf5]") from error
     try:
         with h5py.File(path, "r") as file:
-            names = [key for key in file if isinstance(file[key], h5py.Dataset)]
+            inside = (h5py.HardLink, h5py.SoftLink)
+            links = {key: file.get(key, getlink=True) for key in file}
+            here = [key for key, link in links.items() if isinstance(link, inside)]
+            names = [key for key in here if isinstance(file.get(key), h5py.Dataset)]
             if name is None:
                 if len(names) != 1:
                     raise ValueError(f"{path}: holds several data sets or none, name one: {', '.join(names)}")
@@ -86,13 +89,15 @@ def read_hdf5(path: StrPath, name: str | None) -> NDArray[Any]:
             if not isinstance(file.get(name), h5py.Dataset):
                 raise ValueError(f"{path}: there is no data set {name!r}; data sets: {', '.join(names)}")
             dataset = file[name]
+            if dataset.external or dataset.is_virtual or dataset.file.filename != file.filename:
+                raise ValueError(f"{path}: the values of {name!r} are in other files, which are not followed")
             claimed = math.prod(dataset.shape) * dataset.dtype.itemsize
             # Chunks may be deflated, which no data survive by more than a factor of 1032.
             if claimed > Path(path).stat().st_size * (1 if dataset.chunks is None else 1032):
                 raise ValueError(f"{path}: damaged file: it claims {claimed} bytes, which it cannot hold")
             return np.asarray(dataset[()])
-    except (OSError, RuntimeError, KeyError) as error:
-        # The library's own errors have no number; those of the system do.
-        if isinstance(error, OSError) and error.errno is not None:
+    except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:
+        # The library's own errors have no number, and do not name the file; those of the system and ours do.
+        if getattr(error, "errno", None) is not None or str(error).startswith(f"{path}: "):
             raise
         raise ValueError(f"{path}: damaged file: {error}") from error

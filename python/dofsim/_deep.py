@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ._arrays import StrPath
 from ._datasets import first_bytes
+from ._deep_header import check_claims
 
 Samples = dict[str, NDArray[np.float32]]
 
@@ -82,17 +83,18 @@ def read_deep(
         import OpenEXR  # type: ignore[import-not-found, unused-ignore]
     except ImportError as error:
         raise ImportError("reading deep OpenEXR files needs OpenEXR: pip install dofsim[deep]") from error
+    check_claims(path)
     try:
         with OpenEXR.File(str(path), separate_channels=True) as file:
             deep = (OpenEXR.Storage.deepscanline, OpenEXR.Storage.deeptile)
             parts = [part for part in file.parts if part.type() in deep and "Z" in part.channels]
-            if not parts:
-                raise ValueError(f"{path}: no deep part has a channel Z")
-            channels = {name: channel.pixels for name, channel in parts[0].channels.items()}
-            header: Mapping[str, Any] = dict(parts[0].header)
-    except (RuntimeError, TypeError) as error:
+            channels = {name: channel.pixels for name, channel in parts[0].channels.items()} if parts else {}
+            header: Mapping[str, Any] = dict(parts[0].header) if parts else {}
+        color, depth = flatten(channels, max_layers) if parts else (None, None)
+    except (RuntimeError, TypeError, ValueError) as error:
         raise ValueError(f"{path}: damaged file: {error}") from error
-    color, depth = flatten(channels, max_layers)
+    if color is None or depth is None:
+        raise ValueError(f"{path}: no deep part has a channel Z")
     if data:
         return color, depth
     return _displayed(color, header, 0.0), _displayed(depth, header, np.inf)

@@ -277,7 +277,7 @@ def read_depth(
     else:
         depth, _ = _dofsim.read_raster(path)
     layers = kind in ("npy", "npz") and depth.ndim == 3
-    if depth.dtype.kind not in "fui" or (depth.ndim != 2 and not layers):
+    if depth.dtype.kind not in "fui" or (depth.ndim != 2 and not layers) or depth.size == 0:
         raise ValueError(f"{path}: found {_describe(depth)}; a depth map has one channel of numbers")
     return _measured(depth, scale, missing, background)
 

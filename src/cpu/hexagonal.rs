@@ -42,7 +42,7 @@ pub fn render(
                 if field.reach.is_none() {
                     copy_tile::<C>(layer, size, tile);
                 } else {
-                    simd.run(#[inline(always)] || shade_tile::<C>(&plan, field, tile));
+                    simd.run(#[inline(always)] || shade_tile::<C>(&plan, field, tile, cancel))?;
                 }
             });
             Ok(())
@@ -677,12 +677,18 @@ fn copy_tile<const C: usize>(layer: &Layer, size: Size, tile: &mut Tile) {
 
 /// Both passes over one tile.
 #[inline(always)]
-fn shade_tile<const C: usize>(plan: &Plan, field: &mut Field, tile: &mut Tile) {
+fn shade_tile<const C: usize>(
+    plan: &Plan,
+    field: &mut Field,
+    tile: &mut Tile,
+    cancel: &Cancel,
+) -> Result<()> {
     let (columns, rows) = (tile.rows[0].len() / C, tile.rows.len());
     let left = field.second.left.next_multiple_of(LANES);
     // Down narrow strips, whose surroundings stay in the first level of the cache.
     let end = left + columns + field.second.right;
     for strip in (0..end).step_by(STRIP) {
+        cancel.check()?;
         for y in 0..rows + field.second.above + field.second.below {
             let first = field.index(-(left as isize), y as isize - field.second.above as isize);
             for x in (strip..end.min(strip + STRIP)).step_by(LANES) {
@@ -691,6 +697,7 @@ fn shade_tile<const C: usize>(plan: &Plan, field: &mut Field, tile: &mut Tile) {
         }
     }
     for strip in (0..columns).step_by(STRIP) {
+        cancel.check()?;
         for (y, row) in tile.rows.iter_mut().enumerate() {
             let out = &mut row[strip * C..columns.min(strip + STRIP) * C];
             for (i, out) in out.chunks_mut(LANES * C).enumerate() {
@@ -704,4 +711,5 @@ fn shade_tile<const C: usize>(plan: &Plan, field: &mut Field, tile: &mut Tile) {
             }
         }
     }
+    Ok(())
 }

@@ -26,8 +26,7 @@ pub fn render(
     out: &mut [f32],
 ) -> Result<()> {
     let coc = |d: f32| settings.cut(-optics.shift_px(f64::from(d)));
-    let list = List::new(layer, size, settings, coc);
-    cancel.check()?;
+    let list = List::new(layer, size, settings, coc, cancel)?;
     with_channels!(size.channels, C => {
         let targets = accumulate::<C>(&list, layer, size, simd, cancel)?;
         let scratch = || Scratch::new::<C>(targets.width);
@@ -140,7 +139,13 @@ struct List {
 }
 
 impl List {
-    fn new(layer: &Layer, size: Size, settings: &Settings, coc: impl Fn(f32) -> f32 + Sync) -> List {
+    fn new(
+        layer: &Layer,
+        size: Size,
+        settings: &Settings,
+        coc: impl Fn(f32) -> f32 + Sync,
+        cancel: &Cancel,
+    ) -> Result<List> {
         let point = |(column, &d): (usize, &f32)| {
             let coc = coc(d);
             let drawn = settings.drawn(coc);
@@ -158,14 +163,17 @@ impl List {
         let (lowest, highest) = (steps.first().copied().unwrap_or(0), steps.last().copied().unwrap_or(0));
         let sprites: Vec<Option<[Sprite; 4]>> = (lowest..=highest)
             .into_par_iter()
-            .map(|step| steps.contains(&step).then(|| settings.sprites(step)))
-            .collect();
+            .map(|step| {
+                cancel.check()?;
+                Ok(steps.contains(&step).then(|| settings.sprites(step)))
+            })
+            .collect::<Result<_>>()?;
         let reach_of = |s: &Sprite| {
             let (right, bottom) = (s.left + s.across as i32, s.top + s.down() as i32);
             2 * (1 - s.left).max(1 - s.top).max(right).max(bottom)
         };
         let reach = sprites.iter().flatten().flatten().map(reach_of).max().unwrap_or(0) as usize;
-        List { rows, lowest, sprites, reach }
+        Ok(List { rows, lowest, sprites, reach })
     }
 
     fn any_in_front(&self) -> bool {
@@ -218,6 +226,7 @@ fn accumulate<const C: usize>(
             band.begin(i * BAND, out.len() / length);
             let (first, end) = (2 * band.first as i64, 2 * (band.first + band.rows) as i64);
             for y in first - reach..end + reach {
+                cancel.check()?;
                 let row = mirrored(y, size.height).0;
                 for point in &list.rows[row] {
                     let at = row * size.width + point.column as usize;

@@ -104,18 +104,26 @@ impl Shape {
 /// Reads a file of any kind but OpenEXR and NumPy's, whichever its first bytes say it is.
 pub fn read_raster(path: &Path) -> Result<Raster> {
     let kind = kind(path)?;
-    with_path(path, || match kind {
-        Kind::Png => photo::read(open(path)?, ImageFormat::Png),
-        Kind::Jpeg => photo::read(open(path)?, ImageFormat::Jpeg),
-        Kind::WebP => photo::read(open(path)?, ImageFormat::WebP),
-        Kind::Bmp => photo::read(open(path)?, ImageFormat::Bmp),
-        Kind::Hdr => photo::read(open(path)?, ImageFormat::Hdr),
-        Kind::Tiff => tiff::read(open(path)?),
-        Kind::Pfm => pfm::read(open(path)?),
-        Kind::Exr | Kind::Npy | Kind::Npz => Err(Problem::Unsupported {
-            found: format!("a file of kind {}", kind.name()),
-            accepted: "PNG, JPEG, WebP, BMP, Radiance HDR, TIFF or PFM",
-        }),
+    with_path(path, || {
+        let raster = match kind {
+            Kind::Png => photo::read(open(path)?, ImageFormat::Png),
+            Kind::Jpeg => photo::read(open(path)?, ImageFormat::Jpeg),
+            Kind::WebP => photo::read(open(path)?, ImageFormat::WebP),
+            Kind::Bmp => photo::read(open(path)?, ImageFormat::Bmp),
+            Kind::Hdr => photo::read(open(path)?, ImageFormat::Hdr),
+            Kind::Tiff => tiff::read(open(path)?),
+            Kind::Pfm => pfm::read(open(path)?),
+            Kind::Exr | Kind::Npy | Kind::Npz => Err(Problem::Unsupported {
+                found: format!("a file of kind {}", kind.name()),
+                accepted: "PNG, JPEG, WebP, BMP, Radiance HDR, TIFF or PFM",
+            }),
+        }?;
+        match raster {
+            Raster { width: 0, .. } | Raster { height: 0, .. } => {
+                Err(Problem::Damaged("it has no pixels".into()))
+            }
+            _ => Ok(raster),
+        }
     })
 }
 

@@ -31,13 +31,18 @@ pub struct Settings {
     c0_px: Option<f64>,
 }
 
+/// The largest diameter at which blur may begin. A filter wider than that is slow, and one depth that is wrong, a
+/// millionth of a metre for none, say, would ask for one of any width.
+const MAX_C0_PX: f64 = 1024.0;
+
 impl Settings {
-    /// The diameter in pixels at which blur begins; half of the frame's largest circle of confusion if not given.
+    /// The diameter in pixels at which blur begins; half of the frame's largest circle of confusion if not given, up to
+    /// [`MAX_C0_PX`].
     pub fn new(c0_px: Option<f64>) -> Result<Settings> {
         if let Some(c0) = c0_px
-            && !(c0.is_finite() && (0.5..=1024.0).contains(&c0))
+            && !(0.5..=MAX_C0_PX).contains(&c0)
         {
-            return Err(value_error!("c0_px must be a diameter in pixels from 0.5 to 1024; got {c0}"));
+            return Err(value_error!("c0_px must be a diameter in pixels from 0.5 to {MAX_C0_PX}; got {c0}"));
         }
         Ok(Settings { c0_px })
     }
@@ -57,7 +62,9 @@ pub struct Plan {
 impl Plan {
     /// The plan for a frame whose largest circle of confusion has this radius.
     pub fn new(settings: &Settings, largest_radius_px: f64) -> Plan {
-        let c0 = settings.c0_px.unwrap_or(largest_radius_px.max(0.5));
+        let c0 = settings
+            .c0_px
+            .unwrap_or_else(|| if largest_radius_px > 0.5 { largest_radius_px.min(MAX_C0_PX) } else { 0.5 });
         // At this size the last target's deviation is at least 1.35 pixels, smooth enough to interpolate.
         let scale = 1 << (c0 / 2.7).max(1.0).log2() as usize;
         let s = scale as f64;
@@ -115,6 +122,8 @@ mod tests {
         assert_eq!(plan(12.0), Plan::new(&Settings::new(Some(12.0)).unwrap(), 1.0));
         assert_eq!(plan(12.0).level(12.0), 1.0);
         assert_eq!(plan(0.0).level(0.0), 0.0);
+        assert_eq!(plan(1e9), plan(MAX_C0_PX));
+        assert_eq!(plan(1e9).level(1e9), 1.0);
     }
 
     #[test]

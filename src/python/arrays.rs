@@ -208,7 +208,13 @@ fn magnitude(v: f32) -> u32 {
 const INFINITE: u32 = f32::INFINITY.to_bits();
 
 /// Takes one layer of interleaved colour apart into planes; also the largest magnitude in it.
-fn color_planes<T: Sample>(samples: &[T], size: Size, transfer: Transfer, simd: Simd) -> (Buffer<f32>, u32) {
+fn color_planes<T: Sample>(
+    samples: &[T],
+    size: Size,
+    format: &ColorFormat,
+    simd: Simd,
+) -> (Buffer<f32>, u32) {
+    let (transfer, lights) = (format.transfer, format.lights(size));
     let mut planes = Buffer::unset(size.pixels() * size.channels);
     let mut rows = bands(planes.chunks_mut(size.pixels()), size.width);
     let samples = samples.par_chunks(size.width * size.channels);
@@ -218,7 +224,7 @@ fn color_planes<T: Sample>(samples: &[T], size: Size, transfer: Transfer, simd: 
             || with_channels!(size.channels, C => separate::<T, C>(samples, rows)),
         );
         for (c, row) in rows.iter_mut().enumerate() {
-            if transfer != Transfer::Linear && (c < 3 || size.channels < 4) {
+            if transfer != Transfer::Linear && c < lights.min(3) {
                 row.iter_mut().for_each(|v| *v = transfer.decode(*v));
             }
         }
@@ -319,7 +325,7 @@ fn read_layer_color(
     let simd = simd()?;
     let (mut planes, largest) = with_sample_type!(format.sample_type, T => view::<T, _>(array, |view| {
         let view = if shape.layered { view.index_axis_move(Axis(0), layer) } else { view };
-        in_order(&view, |samples| installed(|| color_planes(samples, size, format.transfer, simd)))
+        in_order(&view, |samples| installed(|| color_planes(samples, size, format, simd)))
     }))??;
     if largest >= INFINITE {
         refuse_infinite(&planes, size)?;

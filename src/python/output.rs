@@ -126,9 +126,10 @@ impl Output<'_> {
                 let (color, alpha) = pixel.split_at_mut(channels - 1);
                 color.iter_mut().for_each(|v| *v /= alpha[0]);
             }
-            pixel[..lights].iter_mut().for_each(|v| *v *= self.brighter);
+            // Unmixed colours may be brighter than all that came in.
+            pixel[..lights].iter_mut().for_each(|v| *v = (*v * self.brighter).clamp(f32::MIN, f32::MAX));
             if transfer != Transfer::Linear {
-                pixel[..channels.min(3)].iter_mut().for_each(|v| *v = transfer.encode(*v));
+                pixel[..lights.min(3)].iter_mut().for_each(|v| *v = transfer.encode(*v));
             }
         });
     }

@@ -5,10 +5,10 @@ use crate::cpu::simd::Simd;
 use crate::error::Result;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
-use std::collections::HashMap;
+use rayon::ThreadPool;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 /// How often a running render looks for Ctrl-C.
@@ -16,32 +16,92 @@ const SIGNAL_INTERVAL: Duration = Duration::from_millis(50);
 /// More threads than this are taken for a slip.
 const MAX_THREADS: usize = 1024;
 
-/// Pools by process and number of threads.
-type Pools = HashMap<(u32, usize), Arc<rayon::ThreadPool>>;
-
-/// The pool of `threads` workers of this process. A forked child has none of its parent's threads, so it makes
-/// pools of its own.
-fn pool(threads: usize) -> PyResult<Arc<rayon::ThreadPool>> {
-    static POOLS: Mutex<Option<Pools>> = Mutex::new(None);
-    let mut pools = POOLS.lock().unwrap_or_else(PoisonError::into_inner);
-    let pools = pools.get_or_insert_with(HashMap::new);
-    let key = (std::process::id(), threads);
-    if let Some(pool) = pools.get(&key) {
-        return Ok(Arc::clone(pool));
-    }
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .thread_name(|i| format!("dofsim-{i}"))
-        .build()
-        .map_err(|e| PyRuntimeError::new_err(format!("could not start {threads} worker threads: {e}")))?;
-    Ok(Arc::clone(pools.entry(key).or_insert(Arc::new(pool))))
+/// The worker threads of a process. A forked child has none of its parent's, so it makes its own.
+struct Workers {
+    process: u32,
+    /// Those of all renders that do not say how many they want: side by side, such renders share the processors.
+    rendering: Option<Arc<ThreadPool>>,
+    /// Those of short work under the interpreter lock. Others may be busy for long, and whoever waited for them with the
+    /// lock in hand would keep all of Python waiting.
+    reading: Option<Arc<ThreadPool>>,
+    /// Those that calls which do say have left, the longest idle first.
+    idle: Vec<Arc<ThreadPool>>,
 }
 
-/// The number of threads to use: as asked, else one for each processor this process may use.
-fn thread_count(threads: Option<usize>) -> PyResult<usize> {
+/// The workers of this process. They are looked after under the interpreter lock, so that no fork comes in between.
+fn workers() -> MutexGuard<'static, Workers> {
+    const NONE: Workers = Workers { process: 0, rendering: None, reading: None, idle: Vec::new() };
+    static WORKERS: Mutex<Workers> = Mutex::new(NONE);
+    let mut workers = WORKERS.lock().unwrap_or_else(PoisonError::into_inner);
+    let process = std::process::id();
+    if workers.process != process {
+        // Nobody is there to be told to stop, and who was may have held locks that telling would wait for.
+        std::mem::forget(std::mem::replace(&mut *workers, Workers { process, ..NONE }));
+    }
+    workers
+}
+
+/// The workers of one call.
+struct Team {
+    pool: Arc<ThreadPool>,
+    own: bool,
+}
+
+impl Team {
+    /// So many workers that no other call has: those of a pool all wait for the work of one.
+    fn of(threads: usize) -> PyResult<Team> {
+        let mut workers = workers();
+        let found = workers.idle.iter().rposition(|pool| pool.current_num_threads() == threads);
+        let pool = match found {
+            Some(i) => workers.idle.remove(i),
+            None => started(threads)?,
+        };
+        Ok(Team { pool, own: true })
+    }
+}
+
+impl Drop for Team {
+    fn drop(&mut self) {
+        if !self.own {
+            return;
+        }
+        let mut workers = workers();
+        workers.idle.push(Arc::clone(&self.pool));
+        // No more wait for work than could do some, beside those that have just done it.
+        let most = processors().max(self.pool.current_num_threads());
+        let mut waiting: usize = workers.idle.iter().map(|pool| pool.current_num_threads()).sum();
+        while waiting > most {
+            waiting -= workers.idle.remove(0).current_num_threads();
+        }
+    }
+}
+
+/// As many workers as there are processors for this process.
+fn for_all(pool: &mut Option<Arc<ThreadPool>>) -> PyResult<Arc<ThreadPool>> {
+    let threads = processors();
+    match pool {
+        Some(pool) if pool.current_num_threads() == threads => Ok(Arc::clone(pool)),
+        _ => Ok(Arc::clone(pool.insert(started(threads)?))),
+    }
+}
+
+fn started(threads: usize) -> PyResult<Arc<ThreadPool>> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("dofsim-{i}"));
+    pool.build()
+        .map(Arc::new)
+        .map_err(|e| PyRuntimeError::new_err(format!("could not start {threads} worker threads: {e}")))
+}
+
+/// Processors that this process may use.
+fn processors() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+/// The workers of a call: as many of its own as it asks for, else those that are there for all.
+fn team(threads: Option<usize>) -> PyResult<Team> {
     match threads {
-        None => Ok(std::thread::available_parallelism().map_or(1, usize::from)),
-        Some(n) if (1..=MAX_THREADS).contains(&n) => Ok(n),
+        None => Ok(Team { pool: for_all(&mut workers().rendering)?, own: false }),
+        Some(n) if (1..=MAX_THREADS).contains(&n) => Team::of(n),
         Some(n) => Err(PyValueError::new_err(format!("threads must be from 1 to {MAX_THREADS}; got {n}"))),
     }
 }
@@ -49,7 +109,8 @@ fn thread_count(threads: Option<usize>) -> PyResult<usize> {
 /// Runs short `work` on this process's own workers while the interpreter lock is held. Rayon's global pool would be
 /// dead in a forked child.
 pub fn installed<T: Send>(work: impl FnOnce() -> T + Send) -> PyResult<T> {
-    Ok(pool(thread_count(None)?)?.install(work))
+    let pool = for_all(&mut workers().reading)?;
+    Ok(pool.install(work))
 }
 
 /// Runs `work` on `threads` workers without the interpreter lock. A signal handler that raises, such as Ctrl-C's,
@@ -59,7 +120,8 @@ pub fn detached<T: Send>(
     threads: Option<usize>,
     work: impl FnOnce(&Cancel) -> Result<T> + Send,
 ) -> PyResult<T> {
-    let pool = pool(thread_count(threads)?)?;
+    let team = team(threads)?;
+    let pool = &*team.pool;
     let cancel = Cancel::default();
     py.detach(|| {
         std::thread::scope(|scope| {

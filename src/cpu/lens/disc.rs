@@ -5,8 +5,10 @@ use super::kernels::{self, Kernels};
 use super::pack::TILE;
 use super::sweep::TileColor;
 use crate::aperture::Kernel;
+use crate::cancel::Cancel;
 use crate::cpu::border::mirrored;
 use crate::cpu::simd::Simd;
+use crate::error::Result;
 use crate::picture::{Size, range};
 use std::ops::{Add, RangeInclusive, Sub};
 
@@ -131,12 +133,18 @@ pub struct Gather<'a> {
     pub s_focus: f64,
     pub kernels: &'a Kernels,
     pub simd: Simd,
+    pub cancel: &'a Cancel,
 }
 
 impl Gather<'_> {
     /// The tile at `origin`, in strips of [`LANES`] columns: what a pixel sums up is then still near when the one below
     /// it is summed up.
-    pub fn tile<T: Real>(&self, origin: (usize, usize), around: &mut Surroundings<T>, out: &mut TileColor) {
+    pub fn tile<T: Real>(
+        &self,
+        origin: (usize, usize),
+        around: &mut Surroundings<T>,
+        out: &mut TileColor,
+    ) -> Result<()> {
         let extent = extent(self.size, origin);
         let strips = (0..extent.0).step_by(LANES);
         match Surface::new(self.s, self.size, self.s_focus, origin) {
@@ -146,18 +154,19 @@ impl Gather<'_> {
                 for x in strips {
                     self.simd.run(
                         #[inline(always)]
-                        || level_strip(around, kernel, x, extent.1, out),
-                    );
+                        || level_strip(around, kernel, x, extent.1, self.cancel, out),
+                    )?;
                 }
             }
             Surface::Tilted(steps) => {
                 let reach = steps.map(|step| self.kernels.get(step * APART).reach).max();
                 around.fill(self.size, self.colors, origin, reach.unwrap_or(0) as usize);
                 for x in strips {
-                    self.tilted_strip(around, origin, x, extent, out);
+                    self.tilted_strip(around, origin, x, extent, out)?;
                 }
             }
         }
+        Ok(())
     }
 
     /// Columns `x .. x + LANES` of a tile of different depths: of each disc in turn, what the pixels between it and the
@@ -169,9 +178,10 @@ impl Gather<'_> {
         x: usize,
         extent: (usize, usize),
         out: &mut TileColor,
-    ) {
+    ) -> Result<()> {
         let n = LANES.min(extent.0 - x);
         for y in 0..extent.1 {
+            self.cancel.check()?;
             let s = &self.s[(origin.1 + y) * self.size.width + origin.0 + x..][..n];
             let mut positions = [0.0f64; LANES];
             positions.iter_mut().zip(s).for_each(|(p, &s)| *p = position(s, self.s_focus));
@@ -198,6 +208,7 @@ impl Gather<'_> {
                 );
             }
         }
+        Ok(())
     }
 }
 
@@ -208,13 +219,16 @@ fn level_strip<T: Real>(
     kernel: &Kernel,
     x: usize,
     rows: usize,
+    cancel: &Cancel,
     out: &mut TileColor,
-) {
+) -> Result<()> {
     for (c, plane) in out.planes.iter_mut().enumerate() {
         for y in 0..rows {
+            cancel.check()?;
             plane[y * TILE.0 + x..][..LANES].copy_from_slice(&around.convolve(kernel, c, x, y));
         }
     }
+    Ok(())
 }
 
 /// Columns and rows of the frame in the tile at `origin`.

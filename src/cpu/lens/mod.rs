@@ -133,7 +133,8 @@ pub fn render(
     let keys = surfaces.iter().flat_map(Surface::keys).chain(highlights.shifts().map(kernels::key)).collect();
     let level = surfaces.iter().filter_map(Surface::level);
     let kernels = Kernels::new(&settings.aperture, s_focus, keys, level);
-    let gather = disc::Gather { size, colors: &colors[0], s: &front.s, s_focus, kernels: &kernels, simd };
+    let gather =
+        disc::Gather { size, colors: &colors[0], s: &front.s, s_focus, kernels: &kernels, simd, cancel };
 
     let scene = highlights::Scene { packed: &packed, s_focus, kernels: &kernels, clip: clip.as_ref() };
     let mut slots = split(out, size, TILE);
@@ -143,8 +144,8 @@ pub fn render(
             cancel.check()?;
             match &tile.work {
                 Work::Copy => copy(picture, tile.origin, color),
-                Work::Disc if highlights_are_out => gather.tile(tile.origin, &mut around.dim, color),
-                Work::Disc => gather.tile(tile.origin, &mut around.any, color),
+                Work::Disc if highlights_are_out => gather.tile(tile.origin, &mut around.dim, color)?,
+                Work::Disc => gather.tile(tile.origin, &mut around.any, color)?,
                 Work::Sweep { views, occupied } => {
                     let start = Start {
                         packed: &packed,

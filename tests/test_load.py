@@ -1,0 +1,285 @@
+"""Many renders at once, in processes of every kind, interrupted anywhere, and for long."""
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import dofsim
+import numpy as np
+import pytest
+
+METHODS = ["lens", "poisson", "gaussian", "hexagonal", "levels", "taps", "sprites"]
+# `make soak` asks for 2000.
+RENDERS = int(os.environ.get("DOFSIM_RENDERS", "200"))
+linux = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+posix = pytest.mark.skipif(os.name != "posix", reason="signals are sent the POSIX way")
+
+
+def some_scene(rng, **options):
+    height, width = rng.integers(1, 70, 2)
+    color = rng.random((height, width, int(rng.choice([1, 3, 4]))), dtype=np.float32)
+    color[..., :3] *= color[..., 3:] if color.shape[-1] == 4 else 1.0
+    depth = rng.choice([1.0, 1.5, 2.0, 5.0, np.inf], (height, width)).astype(np.float32)
+    return dofsim.Scene(color, depth, **options)
+
+
+def some_words(rng, threads=(None, 1, 2, 3)):
+    """Draw a lens and options that all methods take."""
+    lens = dofsim.Lens(
+        aperture_radius=float(rng.uniform(0.0, 0.2)),
+        focus_distance=float(rng.uniform(0.8, 6.0)),
+        fov=float(rng.uniform(30.0, 80.0)),
+    )
+    return lens, {"method": str(rng.choice(METHODS)), "threads": rng.choice(np.array(threads, object))}
+
+
+def in_threads(work, count=8):
+    with ThreadPoolExecutor(count) as pool:
+        return list(pool.map(work, range(count)))
+
+
+@pytest.mark.parametrize("which", ["one scene", "many scenes"])
+def test_eight_threads_get_what_one_gets(which):
+    rng = np.random.default_rng(4)
+    each = max(20, RENDERS // 10)
+    scenes = [some_scene(rng) for _ in range(1 if which == "one scene" else 40)]
+    jobs = [(scenes[rng.integers(len(scenes))], *some_words(rng)) for _ in range(8 * each)]
+    expected = [scene.render(lens, **words) for scene, lens, words in jobs]
+
+    def work(thread):
+        return [scene.render(lens, **words) for scene, lens, words in jobs[thread * each :][:each]]
+
+    for i, got in enumerate(picture for pictures in in_threads(work) for picture in pictures):
+        np.testing.assert_array_equal(got, expected[i])
+
+
+def workers():
+    """Count the threads of this process that renders are computed by."""
+    names = [path.read_text() for path in Path("/proc/self/task").glob("*/comm")]
+    return sum(name.startswith("dofsim-") for name in names)
+
+
+@linux
+def test_workers_are_shared_unless_a_call_asks_for_its_own():
+    processors = len(os.sched_getaffinity(0))
+    color, depth = np.ones((8, 8), np.float32), np.full((8, 8), 2.0)
+    lens = dofsim.Lens(aperture_radius=0.1, focus_distance=1.0, fov=40.0)
+    for threads in range(1, 33):
+        dofsim.render(color, depth, lens, threads=threads)
+    # One set renders, one reads, and the last call has left its own. Those told to stop take a moment.
+    deadline = time.monotonic() + 5
+    while workers() > 2 * processors + 32:
+        assert time.monotonic() < deadline, workers()
+        time.sleep(0.01)
+    dofsim.render(color, depth, lens, threads=1)
+    before = workers()
+    in_threads(lambda _: [dofsim.render(color, depth, lens) for _ in range(50)])
+    assert workers() <= before
+
+
+@linux
+def test_calls_of_one_thread_each_run_side_by_side():
+    color = np.random.default_rng(1).random((300, 400, 3), dtype=np.float32)
+    depth = np.random.default_rng(2).uniform(1.0, 5.0, (300, 400))
+    lens = dofsim.Lens(aperture_radius=0.05, focus_distance=2.0, fov=40.0)
+    busy = set()
+
+    def work(_):
+        for _ in range(2):
+            dofsim.render(color, depth, lens, threads=1, views=64)
+
+    def watch():
+        while not done.wait(0.005):
+            for task in Path("/proc/self/task").iterdir():
+                with contextlib.suppress(FileNotFoundError, ProcessLookupError):
+                    name, _, rest = (task / "stat").read_text().partition(")")
+                    if "(dofsim-0" in name and rest.split()[0] == "R":
+                        busy.add(task.name)
+
+    done = threading.Event()
+    watcher = threading.Thread(target=watch)
+    watcher.start()
+    in_threads(work, 3)
+    done.set()
+    watcher.join()
+    assert len(busy) >= 3
+
+
+def child_render(seed):
+    rng = np.random.default_rng(seed)
+    scene = some_scene(rng)
+    lens, words = some_words(rng)
+    return scene.render(lens, **words)
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("start", multiprocessing.get_all_start_methods())
+def test_processes_of_every_kind_render_the_same(start):
+    expected = [child_render(seed) for seed in range(12)]
+    with multiprocessing.get_context(start).Pool(2) as pool:
+        for got, want in zip(pool.map(child_render, range(12)), expected, strict=True):
+            np.testing.assert_array_equal(got, want)
+
+
+def child(code):
+    return subprocess.Popen(
+        [sys.executable, "-W", "ignore", "-c", textwrap.dedent(code)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+@contextlib.contextmanager
+def ended(process):
+    """Leave no process behind."""
+    try:
+        yield process
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+
+
+NOISE = """
+import dofsim, os, signal, sys, threading, time
+import numpy as np
+from dofsim import io
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+rng = np.random.default_rng(9)
+color = rng.random((1080, 1920, 3), dtype=np.float32)
+depth = np.kron(rng.uniform(1.0, 8.0, (54, 96)), np.ones((20, 20))).astype(np.float32)
+lens = dofsim.Lens(aperture_radius=1.0, focus_distance=2.0, fov=50.0)
+"""
+
+# Work of seconds, each in another loop of the core.
+PHASES = {
+    "preparation": "dofsim.Scene(np.tile(color, (3, 3, 1)), np.tile(depth, (3, 3))).render(lens)",
+    "views": "dofsim.render(color, depth, lens, views=16384)",
+    "barrel": "dofsim.render(color, depth, lens.replace(cat_eye=0.7), views=16384)",
+    "disc": "dofsim.render(color[:64, :64].copy(), depth[:64, :64].copy() * 0 + 4, "
+    "lens.replace(aperture_radius=80.0), aperture=dofsim.Aperture(apodization=0.5))",
+    "hexagonal": "dofsim.render(color, depth, lens, method='hexagonal', max_coc_px=256.0)",
+    "sprites": "dofsim.render(color, depth, lens, method='sprites', max_coc_px=256.0)",
+    "stack": "dofsim.Scene(color[::4, ::4].copy(), depth[::4, ::4].copy()).focal_stack("
+    "lens, np.linspace(1.0, 8.0, 400), method='poisson', taps=128)",
+}
+
+
+@posix
+@pytest.mark.parametrize("phase", list(PHASES))
+def test_ctrl_c_stops_every_phase(phase):
+    code = f"""
+def work():
+    {PHASES[phase]}
+
+print("started", flush=True)
+try:
+    work()
+except KeyboardInterrupt:
+    print("interrupted", flush=True)
+else:
+    print("finished", flush=True)
+# What is left of the process still works.
+print(dofsim.render(color[:40, :40].copy(), depth[:40, :40].copy(), lens).shape, flush=True)
+"""
+    with ended(child(NOISE + code)) as process:
+        assert process.stdout.readline() == "started\n", process.stderr.read()
+        time.sleep(0.6)
+        sent = time.monotonic()
+        process.send_signal(signal.SIGINT)
+        assert process.stdout.readline() == "interrupted\n"
+        assert time.monotonic() - sent < 1.5
+        assert process.stdout.readline() == "(40, 40, 3)\n"
+        assert process.wait(timeout=10) == 0
+
+
+@posix
+def test_ctrl_c_while_files_are_written_leaves_whole_ones_or_none(tmp_path):
+    code = f"""
+os.chdir({str(tmp_path)!r})
+print("started", flush=True)
+try:
+    while True:
+        for name in ("a.png", "a.exr", "a.npz"):
+            io.write_image(name, color[::2, ::2])
+            io.read_color(name)
+except KeyboardInterrupt:
+    print(*sorted(os.listdir()), flush=True)
+    for name in os.listdir():
+        assert io.read_color(name).pixels.shape == (540, 960, 3)
+"""
+    with ended(child(NOISE + code)) as process:
+        assert process.stdout.readline() == "started\n"
+        time.sleep(1.0)
+        process.send_signal(signal.SIGINT)
+        assert set(process.stdout.readline().split()) <= {"a.png", "a.exr", "a.npz"}
+        assert process.wait(timeout=10) == 0, process.stderr.read()
+
+
+def test_the_interpreter_may_end_during_renders():
+    code = """
+for _ in range(3):
+    threading.Thread(target=lambda: dofsim.render(color, depth, lens, views=16384), daemon=True).start()
+time.sleep(0.5)
+print("over", flush=True)
+"""
+    with ended(child(NOISE + code)) as process:
+        assert process.wait(timeout=20) == 0, process.stderr.read()
+        assert process.stdout.read() == "over\n"
+
+
+SOAK = """
+import gc, os, sys
+import numpy as np
+sys.path.insert(0, {tests!r})
+from test_load import some_scene, some_words
+
+def resources():
+    gc.collect()
+    with open("/proc/self/statm") as file:
+        resident = int(file.read().split()[1]) * os.sysconf("SC_PAGESIZE") / 2**20
+    return resident, len(os.listdir("/proc/self/fd")), len(os.listdir("/proc/self/task"))
+
+rng = np.random.default_rng(6)
+scene = None
+for i in range({first} + {renders}):
+    if i == {first}:
+        print(*resources(), flush=True)
+    if i % 3 == 0:
+        scene = some_scene(rng, device={device!r})
+    lens, words = some_words(rng)
+    scene.render(lens, **words)
+print(*resources(), flush=True)
+"""
+
+
+def soak(device):
+    """Count MiB of memory, files and threads when all that is kept is there, and after many more renders."""
+    # Shaders of all methods are translated by then, and memory of all sizes is left to the next render.
+    first = max(300, RENDERS // 2)
+    code = SOAK.format(tests=str(Path(__file__).parent), first=first, renders=RENDERS, device=device)
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return [tuple(map(float, line.split())) for line in run.stdout.splitlines()]
+
+
+@linux
+@pytest.mark.parametrize("device", ["cpu", "gpu"])
+def test_nothing_is_left_of_many_renders(device, request):
+    name = "cpu" if device == "cpu" else request.getfixturevalue("gpu")
+    (resident, files, threads), (resident_after, files_after, threads_after) = soak(name)
+    print(f"{device}: {RENDERS} renders, {resident:.0f} MiB, then {resident_after:.0f} MiB")
+    assert resident_after - resident < 16
+    assert files_after <= files
+    # Threads that were told to stop may not all have done so at either time.
+    assert threads_after <= threads + 4
