@@ -20,7 +20,7 @@ LIBPYTHON = $(shell $(WORK)/bin/python -c 'import sysconfig as s, pathlib as p; 
 	found = (d / (v("LDLIBRARY") or "-")).is_file() or v("PYTHONFRAMEWORK"); print(d if found else "")')
 CARGO = PYO3_PYTHON="$(CURDIR)/$(WORK)/bin/python" cargo
 
-.PHONY: help demo docs gallery lenses test properties soak fuzz sanitize deny bench clean
+.PHONY: help demo docs gallery lenses test properties soak fuzz deny bench clean
 
 help:
 	@echo 'make demo     install into $(DEMO) and render the picture that comes with dofsim into dofsim-demo/'
@@ -30,8 +30,7 @@ help:
 	@echo 'make docs     build the documentation into build/docs/html/'
 	@echo 'make properties  try the laws with CASES=2000 inputs each'
 	@echo 'make soak     render 2000 pictures and more, from many threads, and see what is left of them'
-	@echo 'make fuzz     try any bytes as files and as renders, SECONDS=60 for each target; with nightly Rust'
-	@echo 'make sanitize run the Rust tests under AddressSanitizer; with nightly Rust'
+	@echo 'make fuzz     try any bytes as files and as renders, SECONDS=60 each, under AddressSanitizer; with nightly Rust'
 	@echo 'make deny     check licences, sources and known faults of what dofsim is built from'
 	@echo 'make bench    speed and memory, as tables and in build/bench.json'
 	@echo 'make clean    remove what these made, but not the ray traced scenes in build/'
@@ -111,11 +110,6 @@ fuzz:
 			tests/fuzz/seeds/$$target -- -max_total_time=$(SECONDS) -rss_limit_mb=3000 -timeout=25 \
 			-max_len=4096 -len_control=0 || exit 1; \
 	done
-
-# Without the module for Python, which has an allocator of its own.
-sanitize:
-	RUSTFLAGS=-Zsanitizer=address cargo +nightly test --no-default-features --lib \
-		--target $(shell rustc -vV | sed -n 's/^host: //p') --target-dir target/sanitize
 
 # Needs `cargo install cargo-deny`; where the database of advisories cannot be had: CHECKS="bans licenses sources".
 CHECKS ?= advisories bans licenses sources
