@@ -1,6 +1,7 @@
 //! Openings of every kind: their lens points, their kernels, and that both agree.
 
 use super::*;
+use proptest::prelude::*;
 use std::f64::consts::PI;
 
 /// An opening of every kind, with the second moments of its light about its centre, across and down.
@@ -149,5 +150,22 @@ fn bad_values_are_named() {
         (Aperture::DISC.with_roundness(0.5), "roundness"),
     ] {
         assert!(aperture.unwrap_err().to_string().starts_with(name));
+    }
+}
+
+proptest! {
+    #[test]
+    fn kernels_of_any_opening_and_radius_keep_all_light(
+        opening in 0..openings().len(),
+        t in -60.0..60.0f64,
+    ) {
+        let aperture = &openings()[opening].0;
+        let kernel = aperture.kernel(t);
+        let mut sum = 0.0;
+        for (dx, dy, w) in kernel.weights() {
+            prop_assert!(w >= 0.0 && dx.abs() <= kernel.reach && dy.abs() <= kernel.reach);
+            sum += f64::from(w);
+        }
+        prop_assert!((sum - 1.0).abs() < 1e-5, "{aperture:?}: {sum}");
     }
 }

@@ -51,3 +51,41 @@ impl Line {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_ray_passes_every_code_once_and_stays_in_its_cell(
+            lens in [-1.0..1.0f64, -1.0..1.0f64],
+            start in [-0.5..0.5f64, -0.5..0.5f64],
+            shifts in (-200.0..0.0f64, 0.0..200.0f64),
+            codes in (1usize..=65534, 1usize..=65534),
+            at_focus in 0.0..1.0f64,
+        ) {
+            let table = Codes::new(shifts);
+            let s_focus = shifts.0 + at_focus * (shifts.1 - shifts.0);
+            let line = Line::new(&table, s_focus, lens, start);
+            let (far, near) = (codes.0.min(codes.1), codes.0.max(codes.1));
+            let mut next = near;
+            let mut farthest_off = 0.0f64;
+            line.follow(near, far, |cell, from, to| {
+                assert!(from < to && to == next, "{from}..{to} after {next}");
+                next = from;
+                // Where it enters and leaves a cell codes are rounded: by half of one, which moves it by this much.
+                let rounding = line.slope.map(|slope| 0.5 * slope.abs());
+                for code in [from, to] {
+                    for i in 0..2 {
+                        let off = line.base[i] + line.slope[i] * code as f64 - cell[i];
+                        farthest_off = farthest_off.max(off.abs() - rounding[i]);
+                    }
+                }
+            });
+            prop_assert_eq!(next, far);
+            prop_assert!(farthest_off <= 0.5 + 1e-6, "{} from the middle of its cell", farthest_off);
+        }
+    }
+}
