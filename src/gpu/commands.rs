@@ -8,7 +8,8 @@ use crate::picture::Size;
 use crate::render::PassTime;
 use bytemuck::Pod;
 use rayon::prelude::*;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 use wgpu::BufferUsages;
 
@@ -231,33 +232,37 @@ impl<'a> Commands<'a> {
     }
 }
 
+/// How long after its work has ended a device may take to say that a buffer is readable.
+const TOLD_WITHIN: Duration = Duration::from_secs(10);
+
 /// A buffer that will be readable.
 struct Mapped {
     buffer: wgpu::Buffer,
-    outcome: Arc<OnceLock<std::result::Result<(), wgpu::BufferAsyncError>>>,
+    told: Receiver<std::result::Result<(), wgpu::BufferAsyncError>>,
 }
 
 impl Mapped {
     fn new(buffer: wgpu::Buffer) -> Mapped {
-        let outcome = Arc::new(OnceLock::new());
-        let told = Arc::clone(&outcome);
-        // It is called once, so that there is nothing to be replaced.
-        buffer.map_async(wgpu::MapMode::Read, .., move |result| drop(told.set(result)));
-        Mapped { buffer, outcome }
+        let (tell, told) = channel();
+        // Nobody listens any more to a render that was interrupted.
+        buffer.map_async(wgpu::MapMode::Read, .., move |result| drop(tell.send(result)));
+        Mapped { buffer, told }
     }
 
-    /// Reads what has arrived.
+    /// Reads what has arrived, once the work has ended.
+    ///
+    /// Whichever thread polls tells all that there is to tell, so that it may be another that is about to tell this one.
     fn read<T>(&self, gpu: &Gpu, read: impl FnOnce(&[u8]) -> T) -> Result<T> {
-        match self.outcome.get() {
-            Some(Ok(())) => {
+        match self.told.recv_timeout(TOLD_WITHIN) {
+            Ok(Ok(())) => {
                 let view = self.buffer.get_mapped_range(..).map_err(|error| gpu.error(error))?;
                 Ok(read(&view))
             }
-            Some(Err(error)) => {
+            Ok(Err(error)) => {
                 gpu.check()?;
                 Err(gpu.error(error))
             }
-            None => {
+            Err(_) => {
                 gpu.check()?;
                 Err(gpu.error("the device stopped before the picture was done"))
             }
