@@ -195,20 +195,27 @@ impl Gather<'_> {
                 let kernel = self.kernels.get(step * APART);
                 self.simd.run(
                     #[inline(always)]
-                    || {
-                        for (c, plane) in out.planes.iter_mut().enumerate() {
-                            let means = around.convolve(kernel, c, x, y);
-                            let row = &mut plane[y * TILE.0 + x..][..LANES];
-                            row.iter_mut()
-                                .zip(means)
-                                .zip(shares)
-                                .for_each(|((out, mean), share)| *out += share * mean);
-                        }
-                    },
+                    || add_shares(around, kernel, (x, y), &shares, out),
                 );
             }
         }
         Ok(())
+    }
+}
+
+/// Adds the share that each of the pixels from `(x, y)` on has in one disc.
+#[inline(always)]
+fn add_shares<T: Real>(
+    around: &Surroundings<T>,
+    kernel: &Kernel,
+    (x, y): (usize, usize),
+    shares: &[f32; LANES],
+    out: &mut TileColor,
+) {
+    for (c, plane) in out.planes.iter_mut().enumerate() {
+        let means = around.convolve(kernel, c, x, y);
+        let row = &mut plane[y * TILE.0 + x..][..LANES];
+        row.iter_mut().zip(means).zip(shares).for_each(|((out, mean), share)| *out += share * mean);
     }
 }
 
