@@ -67,12 +67,12 @@ struct Frame<'a> {
     tile: (usize, usize),
 }
 
-impl Frame<'_> {
-    /// Signed radius of the circle of confusion at a disparity.
-    #[inline(always)]
-    fn coc(&self, disparity: f32) -> f32 {
-        (-self.optics.shift_px(f64::from(disparity))).max(-self.max_coc_px).min(self.max_coc_px) as f32
-    }
+/// Signed radius of the circle of confusion at a disparity, cut at `most` pixels.
+#[inline(always)]
+fn coc(optics: &Optics, most: f64, disparity: f32) -> f32 {
+    let radius = -optics.shift_px(f64::from(disparity));
+    let above = if radius > -most { radius } else { -most };
+    (if above < most { above } else { most }) as f32
 }
 
 /// The planes of light in front of the focus. Colour and coverage are divided by the radius of the circle of confusion,
@@ -201,7 +201,9 @@ impl Field {
 /// Signed circles of confusion of a row.
 #[inline(always)]
 fn circles(frame: &Frame, disparity: &[f32], out: &mut [f32]) {
-    map(disparity, out, |d| frame.coc(d));
+    // Copies, which the compiler knows that nothing in the loop changes.
+    let (optics, most) = (*frame.optics, frame.max_coc_px);
+    map(disparity, out, |d| coc(&optics, most, d));
 }
 
 /// What follows from the circles of confusion alone, for the row at index `at` of every plane.
@@ -508,9 +510,10 @@ impl<const C: usize> NearSum<C> {
             let from = look_up(at, tap, field.stride);
             let radius = lane(values, near.radius + from);
             let weight = parts(tap, radius);
-            let mut carried = [0.0; LANES];
+            // What does not get there is not carried on.
+            let mut carried = *radius;
             for i in 0..LANES {
-                carried[i] = if weight[i] > 0.0 { radius[i] } else { 0.0 };
+                carried[i] = if carried[i] > tap.from_px { carried[i] } else { 0.0 };
             }
             self.add_step(field, near, from, &weight, &carried);
         }
