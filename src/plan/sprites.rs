@@ -173,6 +173,8 @@ pub struct Sprite {
     pub across: usize,
     /// Row by row.
     pub weights: Vec<f32>,
+    /// Of every row the whole vectors that hold all weights but zeros: the first column, and how many there are.
+    spans: Vec<(u32, u32)>,
 }
 
 impl Sprite {
@@ -193,7 +195,23 @@ impl Sprite {
         for (x, y, w) in cells {
             sums[(y - top) as usize * across + (x - left) as usize] += w;
         }
-        Sprite { left, top, across, weights: sums.into_iter().map(|w| w as f32).collect() }
+        let weights: Vec<f32> = sums.into_iter().map(|w| w as f32).collect();
+        let spans = weights.chunks(across).map(|row| {
+            let first = row.iter().position(|w| *w > 0.0).unwrap_or(0);
+            let end = row.iter().rposition(|w| *w > 0.0).map_or(0, |last| last + 1);
+            let vectors = (end - first.min(end)).div_ceil(LANES);
+            (first.min(across - vectors * LANES) as u32, vectors as u32)
+        });
+        let spans = spans.collect();
+        Sprite { left, top, across, weights, spans }
+    }
+
+    /// The vectors of a row that are not only zeros, and the column of the first.
+    #[inline(always)]
+    pub fn row(&self, row: usize) -> (usize, &[[f32; LANES]]) {
+        let (first, vectors) = self.spans[row];
+        let weights = &self.weights[row * self.across + first as usize..][..vectors as usize * LANES];
+        (first as usize, weights.as_chunks().0)
     }
 
     /// Rows of the target that it covers.
