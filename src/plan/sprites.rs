@@ -18,8 +18,6 @@ use crate::error::{Result, value_error};
 const FINE: f64 = 16.0;
 const COARSE: f64 = 4.0;
 const SMALL_PX: f64 = 4.0;
-/// Rows of a sprite are padded to whole vectors of this many weights.
-pub const LANES: usize = 8;
 
 /// A picture to draw points with; it fills the square around the circle of confusion.
 #[derive(Debug, Clone, PartialEq)]
@@ -143,7 +141,10 @@ impl Settings {
                 texture.weights(coc.abs()).into_iter().map(|(dx, dy, w)| (turn * dx, turn * dy, w)).collect()
             }
         };
-        [(0, 0), (1, 0), (0, 1), (1, 1)].map(|odd| Sprite::new(&weights, odd))
+        let total: f64 = weights.iter().map(|w| w.2).sum();
+        let quarters: Vec<_> =
+            weights.into_iter().filter(|w| w.2 > 0.0).map(|(x, y, w)| (x, y, 0.25 * w / total)).collect();
+        [(0, 0), (1, 0), (0, 1), (1, 1)].map(|odd| Sprite::new(&quarters, odd))
     }
 }
 
@@ -169,49 +170,28 @@ pub struct Sprite {
     pub left: i32,
     /// See [`Sprite::left`].
     pub top: i32,
-    /// Weights of a row, a multiple of [`LANES`]; all sum to a quarter, the pixel's area in the target.
+    /// Weights of a row.
     pub across: usize,
-    /// Row by row.
+    /// Row by row; all sum to a quarter, the pixel's area in the target.
     pub weights: Vec<f32>,
-    /// Of every row the whole vectors that hold all weights but zeros: the first column, and how many there are.
-    spans: Vec<(u32, u32)>,
 }
 
 impl Sprite {
-    /// The sprite of a pixel in an even (0) or odd (1) column and row: every pixel of the target has the mean of four.
-    fn new(weights: &[(i32, i32, f64)], odd: (i32, i32)) -> Sprite {
-        let total: f64 = weights.iter().map(|w| w.2).sum();
-        let halved = |(dx, dy, w): &(i32, i32, f64)| {
-            ((dx + odd.0).div_euclid(2), (dy + odd.1).div_euclid(2), 0.25 * w / total)
-        };
-        let cells: Vec<(i32, i32, f64)> = weights.iter().filter(|w| w.2 > 0.0).map(halved).collect();
-        let bounds = |of: fn(&(i32, i32, f64)) -> i32| {
-            let ends = cells.iter().map(of).fold((i32::MAX, i32::MIN), |(a, b), v| (a.min(v), b.max(v)));
+    /// The sprite of a pixel in an even (0) or odd (1) column and row: every pixel of the target has the mean of four,
+    /// the sum of their `quarters`.
+    fn new(quarters: &[(i32, i32, f64)], odd: (i32, i32)) -> Sprite {
+        let halved = |&(dx, dy, w): &(i32, i32, f64)| ((dx + odd.0) >> 1, (dy + odd.1) >> 1, w);
+        let bounds = |of: fn((i32, i32, f64)) -> i32| {
+            let places = quarters.iter().map(|w| of(halved(w)));
+            let ends = places.fold((i32::MAX, i32::MIN), |(a, b), v| (a.min(v), b.max(v)));
             (ends.0, (ends.1 - ends.0 + 1) as usize)
         };
-        let ((left, across), (top, down)) = (bounds(|c| c.0), bounds(|c| c.1));
-        let across = across.next_multiple_of(LANES);
-        let mut sums = vec![0.0f64; across * down];
-        for (x, y, w) in cells {
+        let ((left, across), (top, down)) = (bounds(|w| w.0), bounds(|w| w.1));
+        let mut sums = vec![0.0; across * down];
+        for (x, y, w) in quarters.iter().map(halved) {
             sums[(y - top) as usize * across + (x - left) as usize] += w;
         }
-        let weights: Vec<f32> = sums.into_iter().map(|w| w as f32).collect();
-        let spans = weights.chunks(across).map(|row| {
-            let first = row.iter().position(|w| *w > 0.0).unwrap_or(0);
-            let end = row.iter().rposition(|w| *w > 0.0).map_or(0, |last| last + 1);
-            let vectors = (end - first.min(end)).div_ceil(LANES);
-            (first.min(across - vectors * LANES) as u32, vectors as u32)
-        });
-        let spans = spans.collect();
-        Sprite { left, top, across, weights, spans }
-    }
-
-    /// The vectors of a row that are not only zeros, and the column of the first.
-    #[inline(always)]
-    pub fn row(&self, row: usize) -> (usize, &[[f32; LANES]]) {
-        let (first, vectors) = self.spans[row];
-        let weights = &self.weights[row * self.across + first as usize..][..vectors as usize * LANES];
-        (first as usize, weights.as_chunks().0)
+        Sprite { left, top, across, weights: sums.into_iter().map(|w| w as f32).collect() }
     }
 
     /// Rows of the target that it covers.

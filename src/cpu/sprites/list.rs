@@ -1,10 +1,11 @@
-//! The pixels that are drawn.
+//! The pixels that are drawn, and what they are drawn as.
 
+use super::stamp::Stamp;
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::optics::Optics;
 use crate::picture::{Layer, Size};
-use crate::plan::sprites::{Settings, Sprite, step};
+use crate::plan::sprites::{Settings, step};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -13,79 +14,75 @@ use std::ops::Range;
 #[derive(Debug, Clone, Copy)]
 pub struct Point {
     pub column: u32,
-    pub step: i32,
-    /// Its signed circle of confusion.
-    pub coc_px: f32,
+    step: i32,
+    /// Radius of its circle of confusion.
+    pub radius_px: f32,
     /// How much of it is drawn.
     pub drawn: f32,
 }
 
-impl Point {
-    pub fn is_in_front(&self) -> bool {
-        self.coc_px < 0.0
-    }
-}
-
-/// The pixels to be drawn, row by row in scan order, and what they are drawn as.
+/// The pixels that are drawn into one layer.
 pub struct List {
+    /// Row by row, in the order of columns.
     pub rows: Vec<Vec<Point>>,
-    /// The lowest step, which is negative if anything is in front, and the sprites of all steps from there.
+    /// The lowest step, and the sprites of all steps from there, for even and odd columns of even rows and of odd ones.
     lowest: i32,
-    sprites: Vec<Option<[Sprite; 4]>>,
+    stamps: Vec<Option<[Stamp; 4]>>,
     /// Pixels of the picture that the largest sprite reaches.
     pub reach: usize,
 }
 
 impl List {
-    pub fn new(
+    /// What is drawn in front of the focus, and behind.
+    pub fn both(
         layer: &Layer,
         size: Size,
         optics: &Optics,
         settings: &Settings,
         cancel: &Cancel,
-    ) -> Result<List> {
+    ) -> Result<[List; 2]> {
         let point = |(column, &d): (usize, &f32)| {
             let coc_px = settings.cut(-optics.shift_px(f64::from(d)));
             let drawn = settings.drawn(coc_px);
-            (drawn > 0.0).then(|| Point { column: column as u32, step: step(coc_px), coc_px, drawn })
+            let (column, step, radius_px) = (column as u32, step(coc_px), coc_px.abs());
+            (drawn > 0.0).then_some(Point { column, step, radius_px, drawn })
         };
-        let rows: Vec<Vec<Point>> = layer
-            .disparity
-            .par_chunks(size.width)
-            .map(|row| row.iter().enumerate().filter_map(point).collect())
-            .collect();
-        let steps_of = |row: &Vec<Point>| -> BTreeSet<i32> {
-            row.chunk_by(|a, b| a.step == b.step).map(|run| run[0].step).collect()
+        let of_row = |row: &[f32]| row.iter().enumerate().filter_map(point).partition(|point| point.step < 0);
+        let (in_front, behind) = layer.disparity.par_chunks(size.width).map(of_row).unzip();
+        Ok([List::new(in_front, settings, cancel)?, List::new(behind, settings, cancel)?])
+    }
+
+    fn new(rows: Vec<Vec<Point>>, settings: &Settings, cancel: &Cancel) -> Result<List> {
+        let with_row = |mut steps: BTreeSet<i32>, row: &Vec<Point>| {
+            steps.extend(row.chunk_by(|a, b| a.step == b.step).map(|run| run[0].step));
+            steps
         };
-        let steps = rows.par_iter().map(steps_of).reduce(BTreeSet::new, |mut a, mut b| {
-            a.append(&mut b);
-            a
-        });
-        let (lowest, highest) = (steps.first().copied().unwrap_or(0), steps.last().copied().unwrap_or(0));
-        let sprites: Vec<Option<[Sprite; 4]>> = (lowest..=highest)
+        let with_steps = |mut steps: BTreeSet<i32>, mut more: BTreeSet<i32>| {
+            steps.append(&mut more);
+            steps
+        };
+        let steps = rows.par_iter().fold(BTreeSet::new, with_row).reduce(BTreeSet::new, with_steps);
+        let (lowest, highest) = (steps.first().copied().unwrap_or(0), steps.last().copied().unwrap_or(-1));
+        let stamps: Vec<Option<[Stamp; 4]>> = (lowest..=highest)
             .into_par_iter()
             .map(|step| {
                 cancel.check()?;
-                Ok(steps.contains(&step).then(|| settings.sprites(step)))
+                Ok(steps.contains(&step).then(|| settings.sprites(step).map(|sprite| Stamp::new(&sprite))))
             })
             .collect::<Result<_>>()?;
-        let reach_of = |s: &Sprite| {
-            let (right, bottom) = (s.left + s.across as i32, s.top + s.down() as i32);
-            2 * (1 - s.left).max(1 - s.top).max(right).max(bottom)
-        };
-        let reach = sprites.iter().flatten().flatten().map(reach_of).max().unwrap_or(0) as usize;
-        Ok(List { rows, lowest, sprites, reach })
+        let reach = stamps.iter().flatten().flatten().map(Stamp::reach).max().unwrap_or(0);
+        Ok(List { rows, lowest, stamps, reach })
     }
 
-    pub fn any_in_front(&self) -> bool {
-        self.lowest < 0
+    pub fn is_empty(&self) -> bool {
+        self.stamps.is_empty()
     }
 
     /// The sprite of a point that lies at `(x, y)`, or is mirrored there.
     #[inline(always)]
-    pub fn sprite(&self, point: &Point, (x, y): (i64, i64)) -> &Sprite {
-        let sprites = self.sprites[(point.step - self.lowest) as usize].as_ref();
-        &sprites.expect("made for every step on the list")[(2 * (y & 1) + (x & 1)) as usize]
+    pub fn stamp(&self, point: &Point, (x, y): (i64, i64)) -> &Stamp {
+        let stamps = self.stamps[(point.step - self.lowest) as usize].as_ref();
+        &stamps.expect("made for every step on the list")[(2 * (y & 1) + (x & 1)) as usize]
     }
 }
 

@@ -1,6 +1,6 @@
 //! What is seen around what lies in front.
 
-use super::Light;
+use super::light::Light;
 use super::list::List;
 use crate::cancel::Cancel;
 use crate::cpu::simd::Simd;
@@ -33,12 +33,11 @@ fn ends(at: usize, half: f64, n: usize) -> [f64; 2] {
 }
 
 impl<const C: usize> Surroundings<C> {
-    /// Sums of an interleaved picture, but for what the list has in front.
+    /// Sums of an interleaved picture, but for what this list has in front.
     pub fn new(picture: &[f32], size: Size, list: &List, simd: Simd, cancel: &Cancel) -> Result<Self> {
-        let in_front = |y: usize| list.rows[y].iter().filter(|point| point.is_in_front());
         let mut asked = vec![false; size.height.div_ceil(BAND)];
-        for y in 0..size.height {
-            if let Some(largest) = in_front(y).map(|point| -point.coc_px).reduce(f32::max) {
+        for (y, points) in list.rows.iter().enumerate() {
+            if let Some(largest) = points.iter().map(|point| point.radius_px).reduce(f32::max) {
                 let [top, bottom] = ends(y, half_side(largest), size.height);
                 asked[top as usize / BAND..(bottom.ceil() as usize).div_ceil(BAND)].fill(true);
             }
@@ -55,7 +54,8 @@ impl<const C: usize> Surroundings<C> {
                 let mut sums = vec![([0.0; C], 0.0); across * (picture.len() / row + 1)];
                 for (i, pixels) in picture.chunks_exact(row).enumerate() {
                     rest.fill(1.0);
-                    in_front(band * BAND + i).for_each(|p| rest[p.column as usize] = 1.0 - p.drawn);
+                    let points = &list.rows[band * BAND + i];
+                    points.iter().for_each(|p| rest[p.column as usize] = 1.0 - p.drawn);
                     let (above, own) = sums[i * across..][..2 * across].split_at_mut(across);
                     simd.run(
                         #[inline(always)]
