@@ -13,6 +13,7 @@
 
 use crate::aperture::{Aperture, Side};
 use crate::error::{Result, value_error};
+use std::ops::RangeInclusive;
 
 /// Radii are told apart to these steps, below and above [`SMALL_PX`].
 const FINE: f64 = 16.0;
@@ -142,9 +143,15 @@ impl Settings {
             }
         };
         let total: f64 = weights.iter().map(|w| w.2).sum();
-        let quarters: Vec<_> =
-            weights.into_iter().filter(|w| w.2 > 0.0).map(|(x, y, w)| (x, y, 0.25 * w / total)).collect();
-        [(0, 0), (1, 0), (0, 1), (1, 1)].map(|odd| Sprite::new(&quarters, odd))
+        let mut quarters = weights;
+        quarters.retain(|w| w.2 > 0.0);
+        quarters.iter_mut().for_each(|w| w.2 *= 0.25 / total);
+        let bounds = [|w: &(i32, i32, f64)| w.0, |w: &(i32, i32, f64)| w.1].map(|of| {
+            let places = quarters.iter().map(of);
+            let ends = places.fold((i32::MAX, i32::MIN), |(a, b), v| (a.min(v), b.max(v)));
+            ends.0..=ends.1
+        });
+        [(0, 0), (1, 0), (0, 1), (1, 1)].map(|odd| Sprite::new(&quarters, &bounds, odd))
     }
 }
 
@@ -178,18 +185,19 @@ pub struct Sprite {
 
 impl Sprite {
     /// The sprite of a pixel in an even (0) or odd (1) column and row: every pixel of the target has the mean of four,
-    /// the sum of their `quarters`.
-    fn new(quarters: &[(i32, i32, f64)], odd: (i32, i32)) -> Sprite {
-        let halved = |&(dx, dy, w): &(i32, i32, f64)| ((dx + odd.0) >> 1, (dy + odd.1) >> 1, w);
-        let bounds = |of: fn((i32, i32, f64)) -> i32| {
-            let places = quarters.iter().map(|w| of(halved(w)));
-            let ends = places.fold((i32::MAX, i32::MIN), |(a, b), v| (a.min(v), b.max(v)));
-            (ends.0, (ends.1 - ends.0 + 1) as usize)
-        };
-        let ((left, across), (top, down)) = (bounds(|w| w.0), bounds(|w| w.1));
+    /// the sum of their `quarters`, which lie in these `columns` and `rows`.
+    fn new(
+        quarters: &[(i32, i32, f64)],
+        [columns, rows]: &[RangeInclusive<i32>; 2],
+        odd: (i32, i32),
+    ) -> Sprite {
+        let (left, top) = ((columns.start() + odd.0) >> 1, (rows.start() + odd.1) >> 1);
+        let across = (((columns.end() + odd.0) >> 1) - left + 1) as usize;
+        let down = (((rows.end() + odd.1) >> 1) - top + 1) as usize;
         let mut sums = vec![0.0; across * down];
-        for (x, y, w) in quarters.iter().map(halved) {
-            sums[(y - top) as usize * across + (x - left) as usize] += w;
+        for (dx, dy, quarter) in quarters {
+            let (x, y) = (((dx + odd.0) >> 1) - left, ((dy + odd.1) >> 1) - top);
+            sums[y as usize * across + x as usize] += quarter;
         }
         Sprite { left, top, across, weights: sums.into_iter().map(|w| w as f32).collect() }
     }

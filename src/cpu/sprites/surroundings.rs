@@ -11,8 +11,26 @@ use rayon::prelude::*;
 /// Rows that sums run through before they begin anew.
 const BAND: usize = 64;
 
-/// Colours, and pixels. `f64`, so that a bright pixel does not drown what lies behind it.
-type Sum<const C: usize> = ([f64; C], f64);
+/// Light of pixels, and how many these are. `f64`, so that a bright pixel does not drown what lies behind it.
+#[derive(Clone, Copy)]
+#[repr(C)]
+struct Sum<const C: usize> {
+    color: [f64; C],
+    pixels: f64,
+}
+
+impl<const C: usize> Sum<C> {
+    const NONE: Self = Sum { color: [0.0; C], pixels: 0.0 };
+
+    /// Adds so many times other light.
+    #[inline(always)]
+    fn add(&mut self, weight: f64, other: &Sum<C>) {
+        for c in 0..C {
+            self.color[c] += weight * other.color[c];
+        }
+        self.pixels += weight * other.pixels;
+    }
+}
 
 /// What is not in front, as sums over rectangles from the first pixel of a band of rows on.
 pub struct Surroundings<const C: usize> {
@@ -51,7 +69,7 @@ impl<const C: usize> Surroundings<C> {
                     return Ok(Vec::new());
                 }
                 let across = size.width + 1;
-                let mut sums = vec![([0.0; C], 0.0); across * (picture.len() / row + 1)];
+                let mut sums = vec![Sum::NONE; across * (picture.len() / row + 1)];
                 for (i, pixels) in picture.chunks_exact(row).enumerate() {
                     rest.fill(1.0);
                     let points = &list.rows[band * BAND + i];
@@ -73,7 +91,7 @@ impl<const C: usize> Surroundings<C> {
         let half = half_side(radius);
         let (xs, ys) = (ends(x, half, self.size.width), ends(y, half, self.size.height));
         let area = (xs[1] - xs[0]) * (ys[1] - ys[0]);
-        let mut sum = ([0.0; C], 0.0);
+        let mut sum = Sum::NONE;
         for band in ys[0] as usize / BAND..(ys[1].ceil() as usize).div_ceil(BAND) {
             let [top, bottom] = ys.map(|y| (y - (band * BAND) as f64).clamp(0.0, BAND as f64));
             for (sign, x, y) in
@@ -83,8 +101,8 @@ impl<const C: usize> Surroundings<C> {
             }
         }
         // Differences of sums leave a rounding error where nothing is seen.
-        if sum.1 > 1e-9 {
-            Light { color: sum.0.map(|v| v as f32), coverage: sum.1 as f32 }
+        if sum.pixels > 1e-9 {
+            Light { color: sum.color.map(|v| v as f32), coverage: sum.pixels as f32 }
         } else {
             Light::NONE
         }
@@ -102,10 +120,7 @@ impl<const C: usize> Surroundings<C> {
                 // At the last corner there is no next one, and its weight is 0.
                 let corner = (row + down).min(sums.len() / across - 1) * across
                     + (column + right).min(self.size.width);
-                for c in 0..C {
-                    sum.0[c] += w * sums[corner].0[c];
-                }
-                sum.1 += w * sums[corner].1;
+                sum.add(w, &sums[corner]);
             }
         }
     }
@@ -114,14 +129,14 @@ impl<const C: usize> Surroundings<C> {
 /// Sums up to the corners below a row of pixels, of which some part is the `rest`, from those `above` it.
 #[inline(always)]
 fn add_row<const C: usize>(pixels: &[f32], rest: &[f32], above: &[Sum<C>], out: &mut [Sum<C>]) {
-    let mut sum = ([0.0; C], 0.0);
+    let mut sum = Sum::NONE;
     let pixels = pixels.as_chunks::<C>().0;
     for (((pixel, &rest), above), out) in pixels.iter().zip(rest).zip(&above[1..]).zip(&mut out[1..]) {
         for c in 0..C {
-            sum.0[c] += f64::from(rest) * f64::from(pixel[c]);
-            out.0[c] = above.0[c] + sum.0[c];
+            sum.color[c] += f64::from(rest) * f64::from(pixel[c]);
         }
-        sum.1 += f64::from(rest);
-        out.1 = above.1 + sum.1;
+        sum.pixels += f64::from(rest);
+        *out = sum;
+        out.add(1.0, above);
     }
 }

@@ -16,7 +16,7 @@ const BAND: usize = 16;
 
 /// Points whose light is added up before it is added to that of others: a share that is added to the sum of thousands
 /// loses to rounding what it does not lose beside a few.
-const FEW: usize = 256;
+const FEW: usize = 1024;
 
 /// The light of one layer at half the size.
 pub struct Target<const C: usize> {
