@@ -132,7 +132,7 @@ pub fn render(
     let surfaces: Vec<Surface> = discs.collect();
     let keys = surfaces.iter().flat_map(Surface::keys).chain(highlights.shifts().map(kernels::key)).collect();
     let level = surfaces.iter().filter_map(Surface::level);
-    let kernels = Kernels::new(&settings.aperture, s_focus, keys, level);
+    let kernels = Kernels::new(&settings.aperture, s_focus, keys, level, cancel)?;
     let gather =
         disc::Gather { size, colors: &colors[0], s: &front.s, s_focus, kernels: &kernels, simd, cancel };
 
