@@ -165,7 +165,7 @@ def one_depth(runs: int) -> Iterator[Row]:
 
 
 def few_sprites(runs: int) -> Iterator[Row]:
-    """Measure sprites at 1920 x 1080 where one bright pixel in a hundred is blurred, and all others are in focus."""
+    """Measure sprites at 1920 x 1080 where one bright pixel in a hundred is blurred, the rest in focus."""
     rng = np.random.default_rng(5)
     color, _ = planes()
     coc_px = rng.uniform(2.0, 32.0, color.shape[:2]) * rng.choice([-1.0, 1.0], color.shape[:2])

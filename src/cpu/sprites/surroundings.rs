@@ -5,38 +5,19 @@ use super::list::List;
 use crate::cancel::Cancel;
 use crate::cpu::simd::Simd;
 use crate::error::Result;
+use crate::memory::Buffer;
 use crate::picture::Size;
 use rayon::prelude::*;
 
 /// Rows that sums run through before they begin anew.
 const BAND: usize = 64;
 
-/// Light of pixels, and how many these are. `f64`, so that a bright pixel does not drown what lies behind it.
-#[derive(Clone, Copy)]
-#[repr(C)]
-struct Sum<const C: usize> {
-    color: [f64; C],
-    pixels: f64,
-}
-
-impl<const C: usize> Sum<C> {
-    const NONE: Self = Sum { color: [0.0; C], pixels: 0.0 };
-
-    /// Adds so many times other light.
-    #[inline(always)]
-    fn add(&mut self, weight: f64, other: &Sum<C>) {
-        for c in 0..C {
-            self.color[c] += weight * other.color[c];
-        }
-        self.pixels += weight * other.pixels;
-    }
-}
-
 /// What is not in front, as sums over rectangles from the first pixel of a band of rows on.
 pub struct Surroundings<const C: usize> {
     size: Size,
-    /// Of each band: corners of pixels, one more than there are pixels along each axis; none where nothing asks.
-    bands: Vec<Vec<Sum<C>>>,
+    /// Colours and a number of pixels for every corner of a band's pixels, one more than there are pixels along each
+    /// axis. `f64`, so that a bright pixel does not drown what lies behind it. Nothing where nothing asks.
+    sums: Buffer<f64>,
 }
 
 /// Half the side of the square that is as large as a disc.
@@ -60,30 +41,28 @@ impl<const C: usize> Surroundings<C> {
                 asked[top as usize / BAND..(bottom.ceil() as usize).div_ceil(BAND)].fill(true);
             }
         }
-        let row = size.width * C;
-        let bands = asked.into_par_iter().zip(picture.par_chunks(BAND * row)).enumerate().map_init(
+        let (row, across) = (size.width * C, (size.width + 1) * (C + 1));
+        let mut sums = Buffer::unset(asked.len() * (BAND + 1) * across);
+        let bands = sums.par_chunks_mut((BAND + 1) * across).zip(picture.par_chunks(BAND * row)).zip(asked);
+        bands.enumerate().filter(|(_, (_, asked))| *asked).try_for_each_init(
             || vec![0.0; size.width],
-            |rest, (band, (asked, picture))| {
+            |rest, (band, ((sums, picture), _))| {
                 cancel.check()?;
-                if !asked {
-                    return Ok(Vec::new());
-                }
-                let across = size.width + 1;
-                let mut sums = vec![Sum::NONE; across * (picture.len() / row + 1)];
+                sums[..across].fill(0.0);
                 for (i, pixels) in picture.chunks_exact(row).enumerate() {
                     rest.fill(1.0);
                     let points = &list.rows[band * BAND + i];
-                    points.iter().for_each(|p| rest[p.column as usize] = 1.0 - p.drawn);
+                    points.iter().for_each(|point| rest[point.column as usize] = 1.0 - point.drawn);
                     let (above, own) = sums[i * across..][..2 * across].split_at_mut(across);
                     simd.run(
                         #[inline(always)]
                         || add_row::<C>(pixels, rest, above, own),
                     );
                 }
-                Ok(sums)
+                Ok(())
             },
-        );
-        Ok(Surroundings { size, bands: bands.collect::<Result<_>>()? })
+        )?;
+        Ok(Surroundings { size, sums })
     }
 
     /// The mean over the square around pixel `(x, y)` that is as large as a disc: what is seen, and how much of it.
@@ -91,7 +70,7 @@ impl<const C: usize> Surroundings<C> {
         let half = half_side(radius);
         let (xs, ys) = (ends(x, half, self.size.width), ends(y, half, self.size.height));
         let area = (xs[1] - xs[0]) * (ys[1] - ys[0]);
-        let mut sum = Sum::NONE;
+        let mut sum = Sum { color: [0.0; C], pixels: 0.0 };
         for band in ys[0] as usize / BAND..(ys[1].ceil() as usize).div_ceil(BAND) {
             let [top, bottom] = ys.map(|y| (y - (band * BAND) as f64).clamp(0.0, BAND as f64));
             for (sign, x, y) in
@@ -111,32 +90,44 @@ impl<const C: usize> Surroundings<C> {
     /// Adds the sum up to a point between the corners of a band's pixels.
     #[inline(always)]
     fn add_up_to(&self, band: usize, x: f64, y: f64, weight: f64, sum: &mut Sum<C>) {
-        let (sums, across) = (&self.bands[band], self.size.width + 1);
         let (column, row) = (x as usize, y as usize);
         let (fx, fy) = (x - column as f64, y - row as f64);
         for (down, wy) in [(0, 1.0 - fy), (1, fy)] {
             for (right, wx) in [(0, 1.0 - fx), (1, fx)] {
+                // Past the last corner there is none, and its weight would be 0.
                 let w = weight * wx * wy;
-                // At the last corner there is no next one, and its weight is 0.
-                let corner = (row + down).min(sums.len() / across - 1) * across
-                    + (column + right).min(self.size.width);
-                sum.add(w, &sums[corner]);
+                if w != 0.0 {
+                    let row = band * (BAND + 1) + row + down;
+                    let corner = row * (self.size.width + 1) + column + right;
+                    let corner = &self.sums[corner * (C + 1)..][..C + 1];
+                    for c in 0..C {
+                        sum.color[c] += w * corner[c];
+                    }
+                    sum.pixels += w * corner[C];
+                }
             }
         }
     }
 }
 
+/// Light of pixels, and how many these are.
+struct Sum<const C: usize> {
+    color: [f64; C],
+    pixels: f64,
+}
+
 /// Sums up to the corners below a row of pixels, of which some part is the `rest`, from those `above` it.
 #[inline(always)]
-fn add_row<const C: usize>(pixels: &[f32], rest: &[f32], above: &[Sum<C>], out: &mut [Sum<C>]) {
-    let mut sum = Sum::NONE;
-    let pixels = pixels.as_chunks::<C>().0;
-    for (((pixel, &rest), above), out) in pixels.iter().zip(rest).zip(&above[1..]).zip(&mut out[1..]) {
+fn add_row<const C: usize>(pixels: &[f32], rest: &[f32], above: &[f64], out: &mut [f64]) {
+    out[..C + 1].fill(0.0);
+    let mut sum = Sum { color: [0.0; C], pixels: 0.0 };
+    let (above, out) = (above.chunks_exact(C + 1).skip(1), out.chunks_exact_mut(C + 1).skip(1));
+    for (((pixel, &rest), above), out) in pixels.as_chunks::<C>().0.iter().zip(rest).zip(above).zip(out) {
         for c in 0..C {
             sum.color[c] += f64::from(rest) * f64::from(pixel[c]);
+            out[c] = above[c] + sum.color[c];
         }
         sum.pixels += f64::from(rest);
-        *out = sum;
-        out.add(1.0, above);
+        out[C] = above[C] + sum.pixels;
     }
 }
