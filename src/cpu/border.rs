@@ -75,8 +75,8 @@ impl Window {
 
     /// A block of the first `C` planes from index `at` on.
     #[inline(always)]
-    pub fn blocks<const C: usize>(&self, at: usize) -> [[f32; BLOCK]; C] {
-        let mut out = [[0.0; BLOCK]; C];
+    pub fn blocks<const C: usize, const N: usize>(&self, at: usize) -> [[f32; N]; C] {
+        let mut out = [[0.0; N]; C];
         for c in 0..C {
             out[c] = *block(self.plane(c), at);
         }
@@ -90,9 +90,9 @@ impl Window {
     }
 }
 
-/// A block of a plane from index `at` on.
+/// A block of a plane from index `at` on, no longer than [`BLOCK`].
 #[inline(always)]
-pub fn block(plane: &[f32], at: usize) -> &[f32; BLOCK] {
+pub fn block<const N: usize>(plane: &[f32], at: usize) -> &[f32; N] {
     plane[at..].first_chunk().expect("rows of a window hold whole blocks")
 }
 

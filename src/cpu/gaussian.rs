@@ -157,7 +157,7 @@ fn weight(blurriness: f32, threshold: f32) -> f32 {
 /// A block of a line interpolated between the texels at two indices.
 #[inline(always)]
 fn between(line: &[f32], near: usize, far: usize, fraction: f32) -> [f32; BLOCK] {
-    let (a, b) = (block(line, near), block(line, far));
+    let (a, b) = (block::<BLOCK>(line, near), block::<BLOCK>(line, far));
     let mut out = [0.0; BLOCK];
     for i in 0..BLOCK {
         out[i] = mix(a[i], b[i], fraction);

@@ -1,6 +1,6 @@
 //! Carries out [`plan::poisson`](crate::plan::poisson).
 
-use super::border::{BLOCK, Window, block};
+use super::border::{Window, block};
 use super::rows::{interleave, mix, render_bands, with_channels};
 use super::simd::Simd;
 use crate::cancel::Cancel;
@@ -11,6 +11,8 @@ use crate::plan::poisson::{LeakTest, Plan, Settings, Tap};
 
 /// Rows that are worked on at once, or as many as the margin has if that is more.
 const BAND: usize = 16;
+/// Pixels of a row that are worked on at once: all that is added up for them fits into registers.
+const LANES: usize = 16;
 
 /// The picture, interleaved.
 pub fn render(
@@ -93,26 +95,29 @@ fn split(x: f32) -> (i32, f32) {
 }
 
 /// Where one tap reads for each pixel of a block.
-#[allow(clippy::large_enum_variant, reason = "one at a time, on the stack of the loop that reads it")]
 enum Places {
     /// As far from each pixel: all have the same circle of confusion.
-    Same {
-        offset: i32,
-        right: f32,
-        down: f32,
-    },
+    Same(Place),
+    /// At a few offsets: many blocks are so smooth that a tap has the same neighbours all along.
+    Few(Few, EachPlace),
     Each(EachPlace),
 }
 
-/// A place for each pixel of a block.
+/// A place between pixels.
+#[derive(Clone, Copy)]
+struct Place {
+    /// The upper left of the four neighbours, relative to the pixel.
+    offset: i32,
+    /// How far the place lies beyond it.
+    right: f32,
+    down: f32,
+}
+
+/// A [`Place`] for each pixel of a block.
 struct EachPlace {
-    /// The upper left of the four neighbours of each place, relative to the pixel.
-    offset: [i32; BLOCK],
-    /// How far each place lies beyond it.
-    right: [f32; BLOCK],
-    down: [f32; BLOCK],
-    /// The offsets that occur, if they are few: many blocks are so smooth that a tap has the same neighbours all along.
-    few: Option<Few>,
+    offset: [i32; LANES],
+    right: [f32; LANES],
+    down: [f32; LANES],
 }
 
 impl Places {
@@ -121,65 +126,67 @@ impl Places {
     fn new(tap: &Tap, scale_px: &Scales, stride: usize) -> Places {
         let place = |scale_px: f32| {
             let ((column, right), (row, down)) = (split(tap.x * scale_px), split(tap.y * scale_px));
-            (row * stride as i32 + column, right, down)
+            Place { offset: row * stride as i32 + column, right, down }
         };
         if scale_px.all_alike {
-            let (offset, right, down) = place(scale_px.each[0]);
-            return Places::Same { offset, right, down };
+            return Places::Same(place(scale_px.each[0]));
         }
-        let (mut offset, mut right, mut down) = ([0; BLOCK], [0.0; BLOCK], [0.0; BLOCK]);
-        for i in 0..BLOCK {
-            (offset[i], right[i], down[i]) = place(scale_px.each[i]);
+        let mut each = EachPlace { offset: [0; LANES], right: [0.0; LANES], down: [0.0; LANES] };
+        for i in 0..LANES {
+            Place { offset: each.offset[i], right: each.right[i], down: each.down[i] } =
+                place(scale_px.each[i]);
         }
-        Places::Each(EachPlace { few: Few::of(&offset), offset, right, down })
-    }
-
-    /// Bilinear look-ups of a block from index `at` on.
-    #[inline(always)]
-    fn read(&self, plane: &[f32], at: usize, stride: usize) -> [f32; BLOCK] {
-        match self {
-            Places::Same { offset, right, down } => {
-                let [a, b, c, d] = neighbours(plane, at, *offset, stride);
-                let mut out = [0.0; BLOCK];
-                for i in 0..BLOCK {
-                    out[i] = bilinear(a[i], b[i], c[i], d[i], *right, *down);
-                }
-                out
-            }
-            Places::Each(places) => places.read(plane, at, stride),
+        match Few::of(&each.offset) {
+            Some(few) => Places::Few(few, each),
+            None => Places::Each(each),
         }
     }
 }
 
 /// The blocks of the four neighbours of places, of which the upper left one has this offset from index `at`.
 #[inline(always)]
-fn neighbours(plane: &[f32], at: usize, offset: i32, stride: usize) -> [&[f32; BLOCK]; 4] {
+fn neighbours(plane: &[f32], at: usize, offset: i32, stride: usize) -> [&[f32; LANES]; 4] {
     let first = at.wrapping_add_signed(offset as isize);
-    [first, first + 1, first + stride, first + stride + 1].map(|at| block(plane, at))
+    let (above, below) = (&plane[first..][..LANES + 1], &plane[first + stride..][..LANES + 1]);
+    [block(above, 0), block(above, 1), block(below, 0), block(below, 1)]
+}
+
+impl Place {
+    /// Bilinear look-ups of a block from index `at` on.
+    #[inline(always)]
+    fn read(&self, plane: &[f32], at: usize, stride: usize) -> [f32; LANES] {
+        let [a, b, c, d] = neighbours(plane, at, self.offset, stride);
+        let mut out = [0.0; LANES];
+        for i in 0..LANES {
+            out[i] = bilinear(a[i], b[i], c[i], d[i], self.right, self.down);
+        }
+        out
+    }
 }
 
 impl EachPlace {
+    /// Bilinear look-ups of a block from index `at` on.
     #[inline(always)]
-    fn read(&self, plane: &[f32], at: usize, stride: usize) -> [f32; BLOCK] {
-        let mut out = [0.0; BLOCK];
-        match &self.few {
-            Some(few) => {
-                for &offset in &few.found[..few.count] {
-                    let [a, b, c, d] = neighbours(plane, at, offset, stride);
-                    for i in 0..BLOCK {
-                        let v = bilinear(a[i], b[i], c[i], d[i], self.right[i], self.down[i]);
-                        out[i] = if self.offset[i] == offset { v } else { out[i] };
-                    }
-                }
-            }
-            None => {
-                for i in 0..BLOCK {
-                    let first = (at + i).wrapping_add_signed(self.offset[i] as isize);
-                    // Two slices, so that only they are checked and not each of the four.
-                    let (above, below) =
-                        (&plane[first..first + 2], &plane[first + stride..first + stride + 2]);
-                    out[i] = bilinear(above[0], above[1], below[0], below[1], self.right[i], self.down[i]);
-                }
+    fn read(&self, plane: &[f32], at: usize, stride: usize) -> [f32; LANES] {
+        let mut out = [0.0; LANES];
+        for i in 0..LANES {
+            let first = (at + i).wrapping_add_signed(self.offset[i] as isize);
+            // Two slices, so that only they are checked and not each of the four.
+            let (above, below) = (&plane[first..first + 2], &plane[first + stride..first + stride + 2]);
+            out[i] = bilinear(above[0], above[1], below[0], below[1], self.right[i], self.down[i]);
+        }
+        out
+    }
+
+    /// The same, if these are all offsets that occur.
+    #[inline(always)]
+    fn read_few(&self, few: &Few, plane: &[f32], at: usize, stride: usize) -> [f32; LANES] {
+        let mut out = [0.0; LANES];
+        for &offset in &few.found[..few.count] {
+            let [a, b, c, d] = neighbours(plane, at, offset, stride);
+            for i in 0..LANES {
+                let v = bilinear(a[i], b[i], c[i], d[i], self.right[i], self.down[i]);
+                out[i] = if self.offset[i] == offset { v } else { out[i] };
             }
         }
         out
@@ -198,7 +205,7 @@ impl Few {
 
     /// The values in a block from the least on.
     #[inline(always)]
-    fn of(block: &[i32; BLOCK]) -> Option<Few> {
+    fn of(block: &[i32; LANES]) -> Option<Few> {
         let mut few = Few { found: [i32::MAX; Few::MOST], count: 0 };
         let mut last = i32::MIN;
         loop {
@@ -217,6 +224,46 @@ impl Few {
     }
 }
 
+/// What the taps of a block add up to.
+struct Sums<const C: usize> {
+    /// What the taps' colours are beyond the centre's.
+    moved: [[f32; LANES]; C],
+    total: [f32; LANES],
+}
+
+/// The pixels of a block, and what a tap that they look at is compared with.
+struct Centre<'a, const C: usize> {
+    planes: [&'a [f32]; C],
+    disparities: &'a [f32],
+    blurriness: &'a [f32],
+    color: [[f32; LANES]; C],
+    disparity: [f32; LANES],
+    leak_test: LeakTest,
+}
+
+impl<const C: usize> Sums<C> {
+    /// Adds a tap; `read` looks it up in a plane.
+    #[inline(always)]
+    fn add(&mut self, centre: &Centre<C>, weight: f32, read: impl Fn(&[f32]) -> [f32; LANES]) {
+        let mut counts = [weight; LANES];
+        if centre.leak_test == LeakTest::On {
+            let (disparity, blurriness) = (read(centre.disparities), read(centre.blurriness));
+            for i in 0..LANES {
+                counts[i] *= contribution(centre.disparity[i], disparity[i], blurriness[i]);
+            }
+        }
+        for i in 0..LANES {
+            self.total[i] += counts[i];
+        }
+        for c in 0..C {
+            let color = read(centre.planes[c]);
+            for i in 0..LANES {
+                self.moved[c][i] += counts[i] * (color[i] - centre.color[c][i]);
+            }
+        }
+    }
+}
+
 /// The average over all taps for a block from index `at` on.
 #[inline(always)]
 fn average<const C: usize>(
@@ -225,54 +272,62 @@ fn average<const C: usize>(
     at: usize,
     scale_px: &Scales,
     leak_test: LeakTest,
-) -> [[f32; BLOCK]; C] {
-    let disparity = block(window.plane(C), at);
-    let mut total = [plan.centre; BLOCK];
-    let centre: [[f32; BLOCK]; C] = window.blocks(at);
-    let mut moved = [[0.0f32; BLOCK]; C];
+) -> [[f32; LANES]; C] {
+    let mut planes = [window.plane(0); C];
+    for c in 1..C {
+        planes[c] = window.plane(c);
+    }
+    let (disparities, blurriness, stride) = (window.plane(C), window.plane(C + 1), window.stride);
+    let (color, disparity) = (window.blocks(at), *block(disparities, at));
+    let centre = Centre { planes, disparities, blurriness, color, disparity, leak_test };
+    let mut sums = Sums { moved: [[0.0; LANES]; C], total: [plan.centre; LANES] };
     for tap in &plan.taps {
-        let places = Places::new(tap, scale_px, window.stride);
-        let mut counts = [tap.weight; BLOCK];
-        if leak_test == LeakTest::On {
-            let tap_disparity = places.read(window.plane(C), at, window.stride);
-            let tap_blurriness = places.read(window.plane(C + 1), at, window.stride);
-            for i in 0..BLOCK {
-                counts[i] *= contribution(disparity[i], tap_disparity[i], tap_blurriness[i]);
-            }
-        }
-        for i in 0..BLOCK {
-            total[i] += counts[i];
-        }
-        for c in 0..C {
-            let color = places.read(window.plane(c), at, window.stride);
-            for i in 0..BLOCK {
-                moved[c][i] += counts[i] * (color[i] - centre[c][i]);
-            }
+        // Outside of the loop over the planes, which stays small enough to be unrolled.
+        match &Places::new(tap, scale_px, stride) {
+            Places::Same(place) => sums.add(
+                &centre,
+                tap.weight,
+                #[inline(always)]
+                |plane| place.read(plane, at, stride),
+            ),
+            Places::Few(few, each) => sums.add(
+                &centre,
+                tap.weight,
+                #[inline(always)]
+                |plane| each.read_few(few, plane, at, stride),
+            ),
+            Places::Each(each) => sums.add(
+                &centre,
+                tap.weight,
+                #[inline(always)]
+                |plane| each.read(plane, at, stride),
+            ),
         }
     }
+    let mut out = centre.color;
     for c in 0..C {
-        for i in 0..BLOCK {
+        for i in 0..LANES {
             // Where nothing counts at all the pixel keeps its colour.
-            moved[c][i] = centre[c][i] + moved[c][i] / total[i].max(f32::MIN_POSITIVE);
+            out[c][i] += sums.moved[c][i] / sums.total[i].max(f32::MIN_POSITIVE);
         }
     }
-    moved
+    out
 }
 
 /// By what the pattern is scaled around each pixel of a block.
 struct Scales {
-    each: [f32; BLOCK],
+    each: [f32; LANES],
     all_alike: bool,
 }
 
 impl Scales {
     #[inline(always)]
-    fn new(plan: &Plan, disparity: &[f32; BLOCK]) -> Scales {
-        let (mut each, mut all_alike) = ([0.0; BLOCK], true);
-        for i in 0..BLOCK {
+    fn new(plan: &Plan, disparity: &[f32; LANES]) -> Scales {
+        let (mut each, mut all_alike) = ([0.0; LANES], true);
+        for i in 0..LANES {
             each[i] = plan.scale_px(disparity[i]);
         }
-        for i in 0..BLOCK {
+        for i in 0..LANES {
             all_alike &= each[i] == each[0];
         }
         Scales { each, all_alike }
@@ -294,18 +349,11 @@ impl Extremes {
 
     /// The leak test for the block from column `x` on: off where it would change nothing.
     #[inline(always)]
-    fn leak_test(&self, plan: &Plan, x: usize, disparity: &[f32; BLOCK]) -> LeakTest {
-        let cells = x / Self::CELL..(x + BLOCK + 2 * plan.margin).div_ceil(Self::CELL);
+    fn leak_test(&self, plan: &Plan, x: usize, disparity: &[f32; LANES]) -> LeakTest {
+        let cells = x / Self::CELL..(x + LANES + 2 * plan.margin).div_ceil(Self::CELL);
         let nearest = self.nearest[cells.clone()].iter().fold(f32::NEG_INFINITY, |a, b| greater(a, *b));
         let least_blurred = self.least_blurred[cells].iter().fold(f32::INFINITY, |a, b| lesser(a, *b));
-        let (first, others) = disparity.split_at(Self::CELL);
-        let mut farthest: [f32; Self::CELL] = std::array::from_fn(|i| first[i]);
-        for part in others.as_chunks::<{ Self::CELL }>().0 {
-            for i in 0..Self::CELL {
-                farthest[i] = lesser(farthest[i], part[i]);
-            }
-        }
-        let farthest = farthest.into_iter().fold(f32::INFINITY, lesser);
+        let farthest = disparity.iter().fold(f32::INFINITY, |a, b| lesser(a, *b));
         // Nothing is in front of any pixel, or all that is counts as much as the rest.
         if nearest <= farthest || least_blurred >= 1.0 { LeakTest::Off } else { plan.leak_test }
     }
@@ -352,14 +400,14 @@ fn find_extremes(disparity: &[f32], blurriness: &[f32], stride: usize, extremes:
 /// One row of the picture.
 #[inline(always)]
 fn row<const C: usize>(plan: &Plan, window: &Window, extremes: &Extremes, y: usize, out: &mut [f32]) {
-    for (i, out) in out.chunks_mut(BLOCK * C).enumerate() {
-        let at = window.index(i * BLOCK, y);
+    for (i, out) in out.chunks_mut(LANES * C).enumerate() {
+        let at = window.index(i * LANES, y);
         let disparity = block(window.plane(C), at);
         let scale_px = Scales::new(plan, disparity);
         let blurred = if scale_px.all_alike && scale_px.each[0] == 0.0 {
-            window.blocks::<C>(at)
+            window.blocks::<C, LANES>(at)
         } else {
-            average::<C>(plan, window, at, &scale_px, extremes.leak_test(plan, i * BLOCK, disparity))
+            average::<C>(plan, window, at, &scale_px, extremes.leak_test(plan, i * LANES, disparity))
         };
         interleave(blurred.each_ref(), out);
     }
@@ -378,10 +426,10 @@ mod tests {
 
     #[test]
     fn few_offsets_are_found_once_each() {
-        let mut offsets = [7; BLOCK];
+        let mut offsets = [7; LANES];
         assert_eq!(Few::of(&offsets).map(|f| f.found[..f.count].to_vec()), Some(vec![7]));
         offsets[3] = -20;
-        offsets[60] = 9;
+        offsets[12] = 9;
         assert_eq!(Few::of(&offsets).map(|f| f.found[..f.count].to_vec()), Some(vec![-20, 7, 9]));
         assert!(Few::of(&std::array::from_fn(|i| i as i32 % 7)).is_none());
     }

@@ -70,7 +70,8 @@ fn weights(mix: Mix, centre_blur: &[f32; BLOCK], tap_blur: &[f32; BLOCK]) -> [f3
 fn look_up(plane: &[f32], stride: usize, at: usize, tap: &Tap) -> [f32; BLOCK] {
     let mut out = [0.0; BLOCK];
     for &(dx, dy, weight) in &tap.pixels {
-        let pixels = block(plane, at.wrapping_add_signed(dy as isize * stride as isize + dx as isize));
+        let pixels =
+            block::<BLOCK>(plane, at.wrapping_add_signed(dy as isize * stride as isize + dx as isize));
         for i in 0..BLOCK {
             out[i] += weight * pixels[i];
         }
@@ -84,7 +85,7 @@ fn row<const C: usize>(plan: &Plan, window: &Window, y: usize, out: &mut [f32]) 
     for (i, out) in out.chunks_mut(BLOCK * C).enumerate() {
         let at = window.index(i * BLOCK, y);
         let centre: [[f32; BLOCK]; C] = window.blocks(at);
-        let centre_blur = block(window.plane(C), at);
+        let centre_blur = block::<BLOCK>(window.plane(C), at);
         if *centre_blur == [0.0; BLOCK] {
             interleave(centre.each_ref(), out);
             continue;

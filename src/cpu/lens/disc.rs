@@ -7,6 +7,7 @@ use super::sweep::TileColor;
 use crate::aperture::Kernel;
 use crate::cancel::Cancel;
 use crate::cpu::border::mirrored;
+use crate::cpu::rows::with_channels;
 use crate::cpu::simd::Simd;
 use crate::error::Result;
 use crate::picture::{Size, range};
@@ -18,6 +19,8 @@ pub const APART: i32 = 4;
 
 /// Pixels convolved together.
 const LANES: usize = 16;
+/// Rows of a tile of one depth that are convolved together: a whole tile has a multiple of these.
+const ROWS: usize = 2;
 
 /// What runs are summed up in.
 ///
@@ -77,49 +80,105 @@ impl<T: Real> Surroundings<T> {
         let n = last + 1 - first;
         self.row.resize(n * size.channels, 0.0);
         for (j, &y) in rows.iter().enumerate() {
+            if n == across {
+                // Nothing is mirrored.
+                colors.copy_row(y, first..last + 1, across * down, &mut self.color[j * across..]);
+                continue;
+            }
             colors.copy_row(y, first..last + 1, n, &mut self.row);
             for (c, row) in self.row.chunks_exact(n).enumerate() {
                 let color = &mut self.color[(c * down + j) * across..][..across];
-                if n == across {
-                    // Nothing is mirrored.
-                    color.copy_from_slice(row);
-                } else {
-                    color.iter_mut().zip(&columns).for_each(|(v, &x)| *v = row[x - first]);
+                color.iter_mut().zip(&columns).for_each(|(v, &x)| *v = row[x - first]);
+            }
+        }
+        with_channels!(size.channels, C => self.sum_up::<C>());
+    }
+
+    /// The running sums of all rows; those of the channels side by side, as each waits for its own last one.
+    fn sum_up<const C: usize>(&mut self) {
+        let (across, down) = (self.across, self.down);
+        let mut sums = self.sums.chunks_exact_mut((across + 1) * down);
+        let mut sums: [_; C] = std::array::from_fn(|_| sums.next().expect("a plane for each channel"));
+        for j in 0..down {
+            let color: [&[f32]; C] =
+                std::array::from_fn(|c| &self.color[(c * down + j) * across..][..across]);
+            let sums = sums.each_mut().map(|plane| &mut plane[j * (across + 1)..][..across + 1]);
+            let mut sum = [T::default(); C];
+            for x in 0..across {
+                for c in 0..C {
+                    sums[c][x] = sum[c];
+                    sum[c] = sum[c] + T::from(color[c][x]);
                 }
             }
-            // The sums of the channels are made side by side: each waits for its own last one.
-            let line = |c: usize| (c.min(size.channels - 1) * down + j) * across;
-            let color: [&[f32]; 4] = std::array::from_fn(|c| &self.color[line(c)..][..across]);
-            let mut sum = [T::default(); 4];
-            for x in 0..=across {
-                for c in 0..size.channels {
-                    self.sums[line(c) + c * down + j + x] = sum[c];
-                    if x < across {
-                        sum[c] = sum[c] + T::from(color[c][x]);
-                    }
-                }
+            for c in 0..C {
+                sums[c][across] = sum[c];
             }
         }
     }
 
-    /// Convolves pixels `x .. x + LANES` of tile row `y` with one kernel.
+    /// A kernel as places here.
+    fn disc(&self, kernel: &Kernel) -> Disc {
+        let at = |dx: i32, dy: i32, across: usize| {
+            let place = |d: i32| self.reach.wrapping_add_signed(d as isize);
+            place(dy) * across + place(dx)
+        };
+        let rows = || kernel.rows.iter();
+        let runs = rows().filter(|row| row.run.0 < row.run.1);
+        let runs = runs.map(|row| [row.run.0, row.run.1].map(|dx| at(dx, row.dy, self.across + 1)));
+        let edges = rows().flat_map(|row| row.partial.iter().map(|&(dx, weight)| (dx, row.dy, weight)));
+        let edges = edges.map(|(dx, dy, weight)| (at(dx, dy, self.across), weight));
+        Disc { run_weight: kernel.run_weight, runs: runs.collect(), edges: edges.collect() }
+    }
+
+    /// Convolves pixels `x .. x + LANES` of the `R` tile rows from `y` on with one disc.
+    ///
+    /// Several rows together, since each sum waits for its own last one.
     #[inline(always)]
-    fn convolve(&self, kernel: &Kernel, channel: usize, x: usize, y: usize) -> [f32; LANES] {
-        let (mut runs, mut edges) = ([T::default(); LANES], [0.0f32; LANES]);
-        for row in &kernel.rows {
-            let line = channel * self.down + (y + self.reach).wrapping_add_signed(row.dy as isize);
-            let at = |dx: i32| (x + self.reach).wrapping_add_signed(dx as isize);
-            if row.run.0 < row.run.1 {
-                let sums = |dx: i32| group(&self.sums, line * (self.across + 1) + at(dx));
-                let (before, after) = (sums(row.run.0), sums(row.run.1));
-                runs = std::array::from_fn(|i| runs[i] + (after[i] - before[i]));
-            }
-            for &(dx, weight) in &row.partial {
-                let values = group(&self.color, line * self.across + at(dx));
-                edges = std::array::from_fn(|i| edges[i] + weight * values[i]);
+    fn convolve<const R: usize>(&self, disc: &Disc, channel: usize, x: usize, y: usize) -> [[f32; LANES]; R] {
+        let line = channel * self.down + y;
+        let (mut runs, mut edges) = ([[T::default(); LANES]; R], [[0.0f32; LANES]; R]);
+        let sums = &self.sums[line * (self.across + 1) + x..];
+        for &[first, end] in &disc.runs {
+            for r in 0..R {
+                let row = r * (self.across + 1);
+                add_between(&mut runs[r], group(sums, first + row), group(sums, end + row));
             }
         }
-        std::array::from_fn(|i| kernel.run_weight * runs[i].to_f32() + edges[i])
+        let color = &self.color[line * self.across + x..];
+        for &(at, weight) in &disc.edges {
+            for r in 0..R {
+                add_weighted(&mut edges[r], weight, group(color, at + r * self.across));
+            }
+        }
+        for r in 0..R {
+            for i in 0..LANES {
+                edges[r][i] += disc.run_weight * runs[r][i].to_f32();
+            }
+        }
+        edges
+    }
+}
+
+/// A kernel as lists of places in [`Surroundings`], from that of the square around a pixel on.
+struct Disc {
+    run_weight: f32,
+    /// In the running sums: where runs begin and end.
+    runs: Vec<[usize; 2]>,
+    /// In the colours: the pixels that the opening covers in part.
+    edges: Vec<(usize, f32)>,
+}
+
+#[inline(always)]
+fn add_between<T: Real>(sum: &mut [T; LANES], before: &[T; LANES], after: &[T; LANES]) {
+    for i in 0..LANES {
+        sum[i] = sum[i] + (after[i] - before[i]);
+    }
+}
+
+#[inline(always)]
+fn add_weighted(sum: &mut [f32; LANES], weight: f32, values: &[f32; LANES]) {
+    for i in 0..LANES {
+        sum[i] += weight * values[i];
     }
 }
 
@@ -151,18 +210,21 @@ impl Gather<'_> {
             Surface::Level(s) => {
                 let kernel = self.kernels.level(s);
                 around.fill(self.size, self.colors, origin, kernel.reach as usize);
+                let disc = around.disc(kernel);
                 for x in strips {
                     self.simd.run(
                         #[inline(always)]
-                        || level_strip(around, kernel, x, extent.1, self.cancel, out),
+                        || level_strip(around, &disc, x, extent.1, self.cancel, out),
                     )?;
                 }
             }
             Surface::Tilted(steps) => {
-                let reach = steps.map(|step| self.kernels.get(step * APART).reach).max();
+                let kernels = steps.clone().map(|step| self.kernels.get(step * APART));
+                let reach = kernels.clone().map(|kernel| kernel.reach).max();
                 around.fill(self.size, self.colors, origin, reach.unwrap_or(0) as usize);
+                let discs: Vec<Disc> = kernels.map(|kernel| around.disc(kernel)).collect();
                 for x in strips {
-                    self.tilted_strip(around, origin, x, extent, out)?;
+                    self.tilted_strip(around, (*steps.start(), &discs), origin, x, extent, out)?;
                 }
             }
         }
@@ -174,6 +236,7 @@ impl Gather<'_> {
     fn tilted_strip<T: Real>(
         &self,
         around: &Surroundings<T>,
+        (first, discs): (i32, &[Disc]),
         origin: (usize, usize),
         x: usize,
         extent: (usize, usize),
@@ -192,10 +255,10 @@ impl Gather<'_> {
                 if shares[..n] == [0.0; LANES][..n] {
                     continue;
                 }
-                let kernel = self.kernels.get(step * APART);
+                let disc = &discs[(step - first) as usize];
                 self.simd.run(
                     #[inline(always)]
-                    || add_shares(around, kernel, (x, y), &shares, out),
+                    || add_shares(around, disc, (x, y), &shares, out),
                 );
             }
         }
@@ -207,13 +270,13 @@ impl Gather<'_> {
 #[inline(always)]
 fn add_shares<T: Real>(
     around: &Surroundings<T>,
-    kernel: &Kernel,
+    disc: &Disc,
     (x, y): (usize, usize),
     shares: &[f32; LANES],
     out: &mut TileColor,
 ) {
     for (c, plane) in out.planes.iter_mut().enumerate() {
-        let means = around.convolve(kernel, c, x, y);
+        let [means] = around.convolve(disc, c, x, y);
         let row = &mut plane[y * TILE.0 + x..][..LANES];
         row.iter_mut().zip(means).zip(shares).for_each(|((out, mean), share)| *out += share * mean);
     }
@@ -223,16 +286,19 @@ fn add_shares<T: Real>(
 #[inline(always)]
 fn level_strip<T: Real>(
     around: &Surroundings<T>,
-    kernel: &Kernel,
+    disc: &Disc,
     x: usize,
     rows: usize,
     cancel: &Cancel,
     out: &mut TileColor,
 ) -> Result<()> {
     for (c, plane) in out.planes.iter_mut().enumerate() {
-        for y in 0..rows {
+        for y in (0..rows).step_by(ROWS) {
             cancel.check()?;
-            plane[y * TILE.0 + x..][..LANES].copy_from_slice(&around.convolve(kernel, c, x, y));
+            let means: [_; ROWS] = around.convolve(disc, c, x, y);
+            for (row, means) in plane[y * TILE.0..].chunks_mut(TILE.0).zip(&means) {
+                row[x..x + LANES].copy_from_slice(means);
+            }
         }
     }
     Ok(())

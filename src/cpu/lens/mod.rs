@@ -133,6 +133,8 @@ pub fn render(
     let keys = surfaces.iter().flat_map(Surface::keys).chain(highlights.shifts().map(kernels::key)).collect();
     let level = surfaces.iter().filter_map(Surface::level);
     let kernels = Kernels::new(&settings.aperture, s_focus, keys, level, cancel)?;
+    // What outshines the rest is on the sheets' list, whether it is taken out or not.
+    let none_outshines = highlights_are_out || sheets.bright(simd)[0].is_empty();
     let gather =
         disc::Gather { size, colors: &colors[0], s: &front.s, s_focus, kernels: &kernels, simd, cancel };
 
@@ -144,7 +146,7 @@ pub fn render(
             cancel.check()?;
             match &tile.work {
                 Work::Copy => copy(picture, tile.origin, color),
-                Work::Disc if highlights_are_out => gather.tile(tile.origin, &mut around.dim, color)?,
+                Work::Disc if none_outshines => gather.tile(tile.origin, &mut around.dim, color)?,
                 Work::Disc => gather.tile(tile.origin, &mut around.any, color)?,
                 Work::Sweep { views, occupied } => {
                     let start = Start {
