@@ -117,6 +117,7 @@ impl Settings {
     }
 
     /// Signed radius of the circle of confusion as it is drawn.
+    #[inline(always)]
     pub fn cut(&self, coc_px: f64) -> f32 {
         coc_px.clamp(-self.max_coc_px, self.max_coc_px) as f32
     }

@@ -2,6 +2,7 @@
 
 use super::stamp::Stamp;
 use crate::cancel::Cancel;
+use crate::cpu::simd::Simd;
 use crate::error::Result;
 use crate::optics::Optics;
 use crate::picture::{Layer, Size};
@@ -39,16 +40,29 @@ impl List {
         size: Size,
         optics: &Optics,
         settings: &Settings,
+        simd: Simd,
         cancel: &Cancel,
     ) -> Result<[List; 2]> {
-        let point = |(column, &d): (usize, &f32)| {
-            let coc_px = settings.cut(-optics.shift_px(f64::from(d)));
+        let point = |(column, &coc_px): (usize, &f32)| {
             let drawn = settings.drawn(coc_px);
-            let (column, step, radius_px) = (column as u32, step(coc_px), coc_px.abs());
-            (drawn > 0.0).then_some(Point { column, step, radius_px, drawn })
+            (drawn > 0.0).then(|| {
+                let (column, step, radius_px) = (column as u32, step(coc_px), coc_px.abs());
+                Point { column, step, radius_px, drawn }
+            })
         };
-        let of_row = |row: &[f32]| row.iter().enumerate().filter_map(point).partition(|point| point.step < 0);
-        let (in_front, behind) = layer.disparity.par_chunks(size.width).map(of_row).unzip();
+        let of_row = |coc_px: &mut Vec<f32>, row: &[f32]| {
+            simd.run(
+                #[inline(always)]
+                || {
+                    for (coc_px, &d) in coc_px.iter_mut().zip(row) {
+                        *coc_px = settings.cut(-optics.shift_px(f64::from(d)));
+                    }
+                },
+            );
+            coc_px.iter().enumerate().filter_map(point).partition(|point| point.step < 0)
+        };
+        let rows = layer.disparity.par_chunks(size.width);
+        let (in_front, behind) = rows.map_init(|| vec![0.0; size.width], of_row).unzip();
         Ok([List::new(in_front, settings, cancel)?, List::new(behind, settings, cancel)?])
     }
 

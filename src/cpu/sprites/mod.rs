@@ -28,7 +28,7 @@ pub fn render(
     cancel: &Cancel,
     out: &mut [f32],
 ) -> Result<()> {
-    let [in_front, behind] = List::both(layer, size, optics, settings, cancel)?;
+    let [in_front, behind] = List::both(layer, size, optics, settings, simd, cancel)?;
     with_channels!(size.channels, C => {
         // What is not in front first, for it also shows past the edges of what is.
         let target = Target::<C>::new(&behind, layer, size, simd, cancel)?;
