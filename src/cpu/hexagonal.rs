@@ -175,7 +175,7 @@ impl Field {
                 || circles(frame, &self.row, &mut self.values[self.coc + row * stride..][..stride]),
             );
         }
-        self.reach = Reach::new(&self.values[self.coc..][..area], stride);
+        self.reach = Reach::new(&self.values[self.coc..][..area], stride, simd);
         if self.reach.is_none() {
             return;
         }
@@ -277,14 +277,26 @@ struct Circles {
 impl Circles {
     const NONE: Circles = Circles { in_front: Span::NONE, behind: Span::NONE, open: false };
 
-    fn add(&mut self, coc: f32) {
-        let radius = Span { least: coc.abs(), most: coc.abs() };
-        if coc < 0.0 {
-            self.in_front = self.in_front.with(radius);
-        } else if coc > 0.0 {
-            self.behind = self.behind.with(radius);
+    #[inline(always)]
+    fn add(&mut self, coc: &Lane) {
+        let none = [Span::NONE.least; LANES];
+        let (mut in_front, mut behind) = ((none, [0.0; LANES]), (none, [0.0; LANES]));
+        for i in 0..LANES {
+            in_front.0[i] = if coc[i] < 0.0 { -coc[i] } else { none[i] };
         }
-        self.open |= coc >= 0.0;
+        for i in 0..LANES {
+            in_front.1[i] = if coc[i] < 0.0 { -coc[i] } else { 0.0 };
+        }
+        for i in 0..LANES {
+            behind.0[i] = if coc[i] > 0.0 { coc[i] } else { none[i] };
+        }
+        for i in 0..LANES {
+            behind.1[i] = if coc[i] > 0.0 { coc[i] } else { 0.0 };
+        }
+        let span = |of: (Lane, Lane)| Span { least: least(of.0), most: most(of.1) };
+        self.in_front = self.in_front.with(span(in_front));
+        self.behind = self.behind.with(span(behind));
+        self.open |= most(*coc) >= 0.0;
     }
 }
 
@@ -296,12 +308,15 @@ struct Reach {
 }
 
 impl Reach {
-    fn new(coc: &[f32], stride: usize) -> Reach {
+    fn new(coc: &[f32], stride: usize, simd: Simd) -> Reach {
         let (across, down) = (stride.div_ceil(BLOCK.0), (coc.len() / stride).div_ceil(BLOCK.1));
         let mut own = vec![Circles::NONE; across * down];
         for (y, row) in coc.chunks(stride).enumerate() {
             for (own, coc) in own[y / BLOCK.1 * across..].iter_mut().zip(row.chunks(BLOCK.0)) {
-                coc.iter().for_each(|c| own.add(*c));
+                simd.run(
+                    #[inline(always)]
+                    || coc.chunks_exact(LANES).for_each(|coc| own.add(lane(coc, 0))),
+                );
             }
         }
         let largest = own.iter().fold(Circles::NONE, |all, own| Circles {
@@ -371,12 +386,23 @@ fn look_up(at: usize, tap: Tap, stride: usize) -> usize {
     at.wrapping_add_signed(tap.dy as isize * stride as isize + tap.dx as isize)
 }
 
-/// How much of a step of a line a circle of confusion reaches, times the step's share.
+/// How much of a step of a line circles of confusion reach, times the step's share.
 #[inline(always)]
-fn part(tap: Tap, radius: f32) -> f32 {
-    let beyond = radius - tap.from_px;
-    let reached = if beyond > 0.0 { beyond } else { 0.0 };
-    tap.share * if reached < tap.step_px { reached } else { tap.step_px }
+fn parts(tap: Tap, radius: &Lane) -> Lane {
+    let mut reached = *radius;
+    for i in 0..LANES {
+        reached[i] -= tap.from_px;
+    }
+    for i in 0..LANES {
+        reached[i] = if reached[i] > 0.0 { reached[i] } else { 0.0 };
+    }
+    for i in 0..LANES {
+        reached[i] = if reached[i] < tap.step_px { reached[i] } else { tap.step_px };
+    }
+    for i in 0..LANES {
+        reached[i] *= tap.share;
+    }
+    reached
 }
 
 /// The same where all of it is reached.
@@ -427,17 +453,34 @@ struct Own {
 impl Own {
     #[inline(always)]
     fn new(coc: &Lane) -> Own {
-        let (mut least, mut most) = (*coc, *coc);
-        let mut n = LANES / 2;
-        while n > 0 {
-            for i in 0..n {
-                least[i] = if least[i + n] < least[i] { least[i + n] } else { least[i] };
-                most[i] = if most[i + n] > most[i] { most[i + n] } else { most[i] };
-            }
-            n /= 2;
-        }
-        Own { coc: *coc, least: least[0], most: most[0] }
+        Own { coc: *coc, least: least(*coc), most: most(*coc) }
     }
+}
+
+/// The least of a lane, by halves.
+#[inline(always)]
+fn least(mut values: Lane) -> f32 {
+    let mut n = LANES / 2;
+    while n > 0 {
+        for i in 0..n {
+            values[i] = if values[i + n] < values[i] { values[i + n] } else { values[i] };
+        }
+        n /= 2;
+    }
+    values[0]
+}
+
+/// The most of a lane, by halves.
+#[inline(always)]
+fn most(mut values: Lane) -> f32 {
+    let mut n = LANES / 2;
+    while n > 0 {
+        for i in 0..n {
+            values[i] = if values[i + n] > values[i] { values[i + n] } else { values[i] };
+        }
+        n /= 2;
+    }
+    values[0]
 }
 
 /// Light in front that reaches a pixel.
@@ -464,9 +507,9 @@ impl<const C: usize> NearSum<C> {
         for &tap in some {
             let from = look_up(at, tap, field.stride);
             let radius = lane(values, near.radius + from);
-            let (mut weight, mut carried) = ([0.0; LANES], [0.0; LANES]);
+            let weight = parts(tap, radius);
+            let mut carried = [0.0; LANES];
             for i in 0..LANES {
-                weight[i] = part(tap, radius[i]);
                 carried[i] = if weight[i] > 0.0 { radius[i] } else { 0.0 };
             }
             self.add_step(field, near, from, &weight, &carried);
@@ -535,12 +578,11 @@ impl<const C: usize> RestSum<C> {
             for &tap in some {
                 let from = look_up(at, tap, field.stride);
                 let (coc, inverse) = (lane(values, field.coc + from), lane(values, field.inverse + from));
-                let mut weight = [0.0; LANES];
+                let mut near_enough = [0.0; LANES];
                 for i in 0..LANES {
-                    let near_enough = if coc[i] < 2.0 * own.coc[i] { coc[i] } else { 0.0 };
-                    weight[i] = part(tap, near_enough);
+                    near_enough[i] = if coc[i] < 2.0 * own.coc[i] { coc[i] } else { 0.0 };
                 }
-                let weight = product(&weight, inverse);
+                let weight = product(&parts(tap, &near_enough), inverse);
                 add(&mut total, &weight);
                 add_planes(&mut sum.color, values, rest.color + from, field.area, &weight);
             }
@@ -551,10 +593,7 @@ impl<const C: usize> RestSum<C> {
                 sum.look(field, rest, look_up(at, tap, field.stride), &whole(tap), &mut total);
             }
             for &tap in some {
-                let mut weight = [0.0; LANES];
-                for i in 0..LANES {
-                    weight[i] = part(tap, -own.coc[i]);
-                }
+                let weight = parts(tap, &own.coc.map(|coc| -coc));
                 sum.look(field, rest, look_up(at, tap, field.stride), &weight, &mut total);
             }
         }
