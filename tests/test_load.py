@@ -182,6 +182,9 @@ PHASES = {
     "barrel": "dofsim.render(color, depth, lens.replace(cat_eye=0.7), views=16384)",
     "disc": "dofsim.render(color[:64, :64].copy(), depth[:64, :64].copy() * 0 + 4, "
     "lens.replace(aperture_radius=80.0), aperture=dofsim.Aperture(apodization=0.5))",
+    "kernels": "dofsim.render(np.where(rng.random((16, 512, 1)) < 0.1, np.float32(1e4), color[:16, :512]), "
+    "np.tile(1 / np.linspace(1 / 3, 1 / 6, 512, dtype=np.float32), (16, 1)), lens, "
+    "aperture=dofsim.Aperture(apodization=0.5))",
     "hexagonal": "dofsim.render(color, depth, lens, method='hexagonal', max_coc_px=256.0)",
     "sprites": "dofsim.render(color, depth, lens, method='sprites', max_coc_px=256.0)",
     "stack": "dofsim.Scene(color[::4, ::4].copy(), depth[::4, ::4].copy()).focal_stack("

@@ -73,15 +73,17 @@ impl Aperture {
 fn disc_kernel(t: f64, reach: i32) -> Kernel {
     let r = t.abs();
     // The unit pixel's nearest and farthest points from the centre settle most cases.
-    let outside = |d: i32| (f64::from(d.abs()) - 0.5).max(0.0);
-    const CORNERS: [(f64, f64); 4] = [(-0.5, -0.5), (-0.5, 0.5), (0.5, -0.5), (0.5, 0.5)];
+    let nearest = |d: i32| (f64::from(d.abs()) - 0.5).max(0.0);
+    let farthest = |d: i32| f64::from(d.abs()) + 0.5;
+    let squared = |a: f64, b: f64| a * a + b * b;
     Kernel::from_weights(reach, |dx, dy| {
-        if outside(dx).hypot(outside(dy)) >= r {
-            return 0.0;
+        if squared(nearest(dx), nearest(dy)) >= r * r {
+            0.0
+        } else if squared(farthest(dx), farthest(dy)) <= r * r {
+            1.0
+        } else {
+            disc_pixel_area(r, dx, dy)
         }
-        let inside =
-            |&(cx, cy): &(f64, f64)| ((f64::from(dx) + cx) / t).hypot((f64::from(dy) + cy) / t) <= 1.0;
-        if CORNERS.iter().all(inside) { 1.0 } else { disc_pixel_area(r, dx, dy) }
     })
 }
 

@@ -13,13 +13,12 @@
 
 use crate::aperture::{Aperture, Side};
 use crate::error::{Result, value_error};
+use std::ops::RangeInclusive;
 
 /// Radii are told apart to these steps, below and above [`SMALL_PX`].
 const FINE: f64 = 16.0;
 const COARSE: f64 = 4.0;
 const SMALL_PX: f64 = 4.0;
-/// Rows of a sprite are padded to whole vectors of this many weights.
-pub const LANES: usize = 8;
 
 /// A picture to draw points with; it fills the square around the circle of confusion.
 #[derive(Debug, Clone, PartialEq)]
@@ -118,6 +117,7 @@ impl Settings {
     }
 
     /// Signed radius of the circle of confusion as it is drawn.
+    #[inline(always)]
     pub fn cut(&self, coc_px: f64) -> f32 {
         coc_px.clamp(-self.max_coc_px, self.max_coc_px) as f32
     }
@@ -143,7 +143,16 @@ impl Settings {
                 texture.weights(coc.abs()).into_iter().map(|(dx, dy, w)| (turn * dx, turn * dy, w)).collect()
             }
         };
-        [(0, 0), (1, 0), (0, 1), (1, 1)].map(|odd| Sprite::new(&weights, odd))
+        let total: f64 = weights.iter().map(|w| w.2).sum();
+        let mut quarters = weights;
+        quarters.retain(|w| w.2 > 0.0);
+        quarters.iter_mut().for_each(|w| w.2 *= 0.25 / total);
+        let bounds = [|w: &(i32, i32, f64)| w.0, |w: &(i32, i32, f64)| w.1].map(|of| {
+            let places = quarters.iter().map(of);
+            let ends = places.fold((i32::MAX, i32::MIN), |(a, b), v| (a.min(v), b.max(v)));
+            ends.0..=ends.1
+        });
+        [(0, 0), (1, 0), (0, 1), (1, 1)].map(|odd| Sprite::new(&quarters, &bounds, odd))
     }
 }
 
@@ -169,29 +178,27 @@ pub struct Sprite {
     pub left: i32,
     /// See [`Sprite::left`].
     pub top: i32,
-    /// Weights of a row, a multiple of [`LANES`]; all sum to a quarter, the pixel's area in the target.
+    /// Weights of a row.
     pub across: usize,
-    /// Row by row.
+    /// Row by row; all sum to a quarter, the pixel's area in the target.
     pub weights: Vec<f32>,
 }
 
 impl Sprite {
-    /// The sprite of a pixel in an even (0) or odd (1) column and row: every pixel of the target has the mean of four.
-    fn new(weights: &[(i32, i32, f64)], odd: (i32, i32)) -> Sprite {
-        let total: f64 = weights.iter().map(|w| w.2).sum();
-        let halved = |(dx, dy, w): &(i32, i32, f64)| {
-            ((dx + odd.0).div_euclid(2), (dy + odd.1).div_euclid(2), 0.25 * w / total)
-        };
-        let cells: Vec<(i32, i32, f64)> = weights.iter().filter(|w| w.2 > 0.0).map(halved).collect();
-        let bounds = |of: fn(&(i32, i32, f64)) -> i32| {
-            let ends = cells.iter().map(of).fold((i32::MAX, i32::MIN), |(a, b), v| (a.min(v), b.max(v)));
-            (ends.0, (ends.1 - ends.0 + 1) as usize)
-        };
-        let ((left, across), (top, down)) = (bounds(|c| c.0), bounds(|c| c.1));
-        let across = across.next_multiple_of(LANES);
-        let mut sums = vec![0.0f64; across * down];
-        for (x, y, w) in cells {
-            sums[(y - top) as usize * across + (x - left) as usize] += w;
+    /// The sprite of a pixel in an even (0) or odd (1) column and row: every pixel of the target has the mean of four,
+    /// the sum of their `quarters`, which lie in these `columns` and `rows`.
+    fn new(
+        quarters: &[(i32, i32, f64)],
+        [columns, rows]: &[RangeInclusive<i32>; 2],
+        odd: (i32, i32),
+    ) -> Sprite {
+        let (left, top) = ((columns.start() + odd.0) >> 1, (rows.start() + odd.1) >> 1);
+        let across = (((columns.end() + odd.0) >> 1) - left + 1) as usize;
+        let down = (((rows.end() + odd.1) >> 1) - top + 1) as usize;
+        let mut sums = vec![0.0; across * down];
+        for (dx, dy, quarter) in quarters {
+            let (x, y) = (((dx + odd.0) >> 1) - left, ((dy + odd.1) >> 1) - top);
+            sums[y as usize * across + x as usize] += quarter;
         }
         Sprite { left, top, across, weights: sums.into_iter().map(|w| w as f32).collect() }
     }

@@ -164,6 +164,32 @@ def one_depth(runs: int) -> Iterator[Row]:
             }
 
 
+def few_sprites(runs: int) -> Iterator[Row]:
+    """Measure sprites at 1920 x 1080 where one bright pixel in a hundred is blurred, the rest in focus."""
+    rng = np.random.default_rng(5)
+    color, _ = planes()
+    coc_px = rng.uniform(2.0, 32.0, color.shape[:2]) * rng.choice([-1.0, 1.0], color.shape[:2])
+    blurred = rng.random(color.shape[:2]) < 0.01
+    color[blurred] *= 20.0
+    lens = dofsim.Lens.from_disparity(strength_px=1.0, focus=0.0)
+    for side, seen in {"in front": coc_px < 0, "behind": coc_px > 0, "both": coc_px != 0}.items():
+        disparity = -np.where(blurred & seen, coc_px, 0.0).astype(np.float32)
+        for threads in THREADS:
+            with_threads(threads)
+            blur = median_of(runs, lambda: cv2.GaussianBlur(color, (25, 25), 0))
+
+            def render(d: NDArray[np.float32] = disparity, t: int = threads) -> object:
+                return dofsim.render(color, d, lens, depth_kind="disparity", method="sprites", threads=t)
+
+            seconds = median_of(runs, render)
+            yield {
+                "blurred": side,
+                "threads": threads,
+                "ms": 1e3 * seconds,
+                "to_gaussian_blur": seconds / blur,
+            }
+
+
 def stack(runs: int) -> Iterator[Row]:
     """Measure a focal stack of 32 pictures against 32 renders."""
     color, depth = traced("spheres")
@@ -294,6 +320,7 @@ PARTS = {
     "methods": by_method,
     "flagship": flagship,
     "one depth": one_depth,
+    "sprites": few_sprites,
     "focal stack": stack,
     "start-up": start_up,
     "memory": memory,

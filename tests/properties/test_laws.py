@@ -40,9 +40,7 @@ def test_twice_the_light_is_twice_the_picture(call: Call, factor):
 
 @given(plain_calls(looks=["constant"]))
 def test_an_even_picture_stays_even(call: Call):
-    # Thousands of sprites that lie over one another add up in single precision.
-    rtol = 2e-4 if call.options["method"] == "sprites" else 2e-5
-    np.testing.assert_allclose(call.render(), call.color, rtol=rtol, atol=1e-30)
+    np.testing.assert_allclose(call.render(), call.color, rtol=2e-5, atol=1e-30)
 
 
 @given(plain_calls(looks=["random", "lamps", "black"]))

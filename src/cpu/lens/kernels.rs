@@ -1,6 +1,8 @@
 //! The discs of a frame, one for each radius that occurs, told apart to a fraction of a pixel.
 
 use crate::aperture::{Aperture, Kernel};
+use crate::cancel::Cancel;
+use crate::error::Result;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 
@@ -39,10 +41,19 @@ struct Table<K> {
 }
 
 impl<K: Copy + Ord + Sync> Table<K> {
-    fn new(aperture: &Aperture, keys: BTreeSet<K>, shift: impl Fn(K) -> f64 + Sync) -> Table<K> {
+    fn new(
+        aperture: &Aperture,
+        keys: BTreeSet<K>,
+        shift: impl Fn(K) -> f64 + Sync,
+        cancel: &Cancel,
+    ) -> Result<Table<K>> {
         let keys: Vec<K> = keys.into_iter().collect();
-        let kernels = keys.par_iter().map(|&k| aperture.kernel(shift(k))).collect();
-        Table { keys, kernels }
+        let kernel = |&key: &K| {
+            cancel.check()?;
+            Ok(aperture.kernel(shift(key)))
+        };
+        let kernels = keys.par_iter().map(kernel).collect::<Result<_>>()?;
+        Ok(Table { keys, kernels })
     }
 
     /// The kernel of a key, which must have been asked for.
@@ -69,12 +80,13 @@ impl Kernels {
         s_focus: f64,
         steps: BTreeSet<i32>,
         level: impl Iterator<Item = f32>,
-    ) -> Kernels {
+        cancel: &Cancel,
+    ) -> Result<Kernels> {
         let of_bits = |bits: u32| f64::from(f32::from_bits(bits)) - s_focus;
-        Kernels {
-            steps: Table::new(aperture, steps, shift),
-            level: Table::new(aperture, level.map(f32::to_bits).collect(), of_bits),
-        }
+        Ok(Kernels {
+            steps: Table::new(aperture, steps, shift, cancel)?,
+            level: Table::new(aperture, level.map(f32::to_bits).collect(), of_bits, cancel)?,
+        })
     }
 
     /// The kernel of a step.

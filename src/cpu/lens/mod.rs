@@ -132,7 +132,7 @@ pub fn render(
     let surfaces: Vec<Surface> = discs.collect();
     let keys = surfaces.iter().flat_map(Surface::keys).chain(highlights.shifts().map(kernels::key)).collect();
     let level = surfaces.iter().filter_map(Surface::level);
-    let kernels = Kernels::new(&settings.aperture, s_focus, keys, level);
+    let kernels = Kernels::new(&settings.aperture, s_focus, keys, level, cancel)?;
     // What outshines the rest is on the sheets' list, whether it is taken out or not.
     let none_outshines = highlights_are_out || sheets.bright(simd)[0].is_empty();
     let gather =

@@ -1,12 +1,14 @@
 //! The discs of a frame as words: see `shaders/lens/kernels.wgsl`.
 
 use crate::aperture::{Aperture, Kernel};
+use crate::cancel::Cancel;
 use crate::cpu::lens::Sheets;
 use crate::cpu::lens::disc::{APART, Surface};
 use crate::cpu::lens::highlights::Highlights;
 use crate::cpu::lens::kernels;
 use crate::cpu::lens::plan::Plan;
 use crate::cpu::lens::tiles::{Tile, Work};
+use crate::error::Result;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -40,7 +42,13 @@ pub struct Kernels {
 }
 
 impl Kernels {
-    pub fn new(sheets: &Sheets, plan: &Plan, highlights: &Highlights, aperture: &Aperture) -> Kernels {
+    pub fn new(
+        sheets: &Sheets,
+        plan: &Plan,
+        highlights: &Highlights,
+        aperture: &Aperture,
+        cancel: &Cancel,
+    ) -> Result<Kernels> {
         let s = &sheets.sheets[0].s;
         // Tiles of one depth have exactly their own disc; others share discs by steps of radius.
         let discs = plan.tiles.par_iter().filter(|tile| tile.work == Work::Disc);
@@ -51,8 +59,8 @@ impl Kernels {
         let keys: Vec<i32> = highlights.shifts().map(kernels::key).collect();
 
         let steps = gathered.iter().chain(&keys).copied().collect();
-        let kernels =
-            kernels::Kernels::new(aperture, plan.s_focus, steps, surfaces().filter_map(Surface::level));
+        let level = surfaces().filter_map(Surface::level);
+        let kernels = kernels::Kernels::new(aperture, plan.s_focus, steps, level, cancel)?;
         let nothing = Kernel { reach: 0, run_weight: 0.0, rows: Vec::new() };
         let first_step = gathered.first().map_or(0, |key| key / APART);
         let last_step = gathered.last().map_or(-1, |key| key / APART);
@@ -70,7 +78,7 @@ impl Kernels {
             Surface::Level(s) => Disc::Same(of_shift[&s.to_bits()]),
             Surface::Tilted(_) => Disc::Own,
         };
-        Kernels {
+        Ok(Kernels {
             words: words(&all),
             most_rows: all.iter().map(|kernel| kernel.rows.len()).max().unwrap_or(0),
             widest_row: all
@@ -82,7 +90,7 @@ impl Kernels {
             first_step,
             tiles: discs.iter().map(|(origin, surface)| (*origin, disc(surface))).collect(),
             of_highlights: keys.iter().map(|key| of_key[key]).collect(),
-        }
+        })
     }
 }
 

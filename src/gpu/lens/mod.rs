@@ -93,8 +93,7 @@ pub fn render(
         (Vec::new(), Vec::new())
     };
     let highlights = Highlights::new(highlights, &plan.padding, &plan.tiles);
-    let kernels = Kernels::new(sheets, &plan, &highlights, &settings.aperture);
-    cancel.check()?;
+    let kernels = Kernels::new(sheets, &plan, &highlights, &settings.aperture, cancel)?;
 
     let clip = settings.barrel.map(|barrel| Clip::new(barrel, &settings.aperture));
     let picture = commands.output(size)?;

@@ -49,11 +49,9 @@ impl Table {
         let (mut heads, mut weights) = (Vec::with_capacity(OF_STEP * made.len()), Vec::new());
         for sprites in &made {
             heads.extend(sprites.iter().map(|sprite| {
-                let across = columns(sprite);
                 let first = weights.len() as u32;
-                let rows = sprite.weights.chunks(sprite.across);
-                rows.for_each(|row| weights.extend_from_slice(&row[..across]));
-                let (across, down) = (across as u32, sprite.down() as u32);
+                weights.extend_from_slice(&sprite.weights);
+                let (across, down) = (sprite.across as u32, sprite.down() as u32);
                 Sprite { left: sprite.left, top: sprite.top, across, down, first }
             }));
             if sprites.is_empty() {
@@ -84,12 +82,6 @@ impl Table {
         };
         self.heads[own].iter().map(reach_of).max().unwrap_or(0) as usize
     }
-}
-
-/// The columns of a sprite that are not only there to fill vectors.
-fn columns(sprite: &plan::Sprite) -> usize {
-    let used = |row: &[f32]| row.iter().rposition(|w| *w > 0.0).map_or(0, |last| last + 1);
-    sprite.weights.chunks(sprite.across).map(used).max().unwrap_or(0)
 }
 
 /// Where in disparity one step of radius ends and the next begins, for all steps of a range: going farther, the first
