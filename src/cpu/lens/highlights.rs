@@ -42,9 +42,9 @@ pub struct Highlight {
     hidden_in_part: bool,
 }
 
-/// Channels that hold light: coverage is not brighter or darker.
+/// Channels that hold light: the last of two or four is coverage, which is not brighter or darker.
 fn light_channels(size: Size) -> usize {
-    size.channels.min(3)
+    if size.channels == 2 { 1 } else { size.channels.min(3) }
 }
 
 /// How bright a colour is.
