@@ -74,13 +74,22 @@ fn between(fraction: f32, rows: [&[f32]; 2], out: &mut [f32]) {
 /// Interpolates between every two neighbours of a row at all `fractions`, a multiple of `N` of them.
 #[inline(always)]
 fn stretch<const N: usize>(fractions: &[f32], row: &[f32], out: &mut [f32]) {
-    let (fractions, out) = (fractions.as_chunks::<N>().0, out.as_chunks_mut::<N>().0);
-    for (out, v) in out.chunks_exact_mut(fractions.len()).zip(row.windows(2)) {
-        for (out, fractions) in out.iter_mut().zip(fractions) {
-            for i in 0..N {
-                out[i] = v[0] + fractions[i] * (v[1] - v[0]);
-            }
+    let (fractions, out, pairs) = (fractions.as_chunks::<N>().0, out.as_chunks_mut::<N>().0, row.windows(2));
+    if let [fractions] = fractions {
+        // Known to be one, they take two thirds of the time.
+        out.iter_mut().zip(pairs).for_each(|(out, pair)| interpolate(fractions, pair, out));
+    } else {
+        for (out, pair) in out.chunks_exact_mut(fractions.len()).zip(pairs) {
+            out.iter_mut().zip(fractions).for_each(|(out, fractions)| interpolate(fractions, pair, out));
         }
+    }
+}
+
+/// Interpolates between two values.
+#[inline(always)]
+fn interpolate<const N: usize>(fractions: &[f32; N], pair: &[f32], out: &mut [f32; N]) {
+    for i in 0..N {
+        out[i] = pair[0] + fractions[i] * (pair[1] - pair[0]);
     }
 }
 
