@@ -31,7 +31,8 @@ pub fn render(
     let plan = Plan::new(settings, optics);
     let input = Input { layer, size, half: (size.width.div_ceil(2), size.height.div_ceil(2)) };
     // Rows of the half-size copy, blurred along x: one line for each weighted colour and one for the weights.
-    let length = input.half.0 * (size.channels + 1);
+    let used = input.used();
+    let length = used.next_multiple_of(ROW_BLOCK);
     let mut across: Vec<f32> = memory::zeros(length * input.half.1);
     across.par_chunks_mut(BAND * length).enumerate().try_for_each_init(
         || Halved::new(&input),
@@ -39,7 +40,7 @@ pub fn render(
             cancel.check()?;
             for (i, out) in out.chunks_mut(length).enumerate() {
                 halved.read(simd, &plan, &input, band * BAND + i);
-                with_channels!(size.channels, C => simd.run(#[inline(always)] || blur_x::<C>(&plan, halved, out)));
+                with_channels!(size.channels, C => simd.run(#[inline(always)] || blur_x::<C>(&plan, halved, &mut out[..used])));
             }
             Ok(())
         },
@@ -72,6 +73,11 @@ struct Input<'a> {
 }
 
 impl Input<'_> {
+    /// Values of a row of the half-size copy: its lines one after the other.
+    fn used(&self) -> usize {
+        self.half.0 * (self.size.channels + 1)
+    }
+
     #[inline(always)]
     fn color(&self, c: usize, y: usize) -> &[f32] {
         &self.layer.color[c * self.size.pixels() + y * self.size.width..][..self.size.width]
@@ -212,7 +218,7 @@ fn blur_x<const C: usize>(plan: &Plan, halved: &Halved, out: &mut [f32]) {
 /// The half-size copy blurred along x.
 struct Across {
     values: Vec<f32>,
-    /// Values of a row: its lines one after the other.
+    /// Values of a row, whole blocks.
     length: usize,
     rows: usize,
 }
@@ -228,8 +234,9 @@ impl Across {
 struct Blurred {
     /// Rows of the half-size copy by number modulo their count: the lines of colour, with a texel of margin.
     rows: [(Option<i64>, Vec<f32>); 2],
-    /// Weighted sums of a row.
+    /// Weighted sums of a row, whole blocks, of which so many are used.
     sums: Vec<f32>,
+    used: usize,
     /// Between the two rows.
     line: Vec<f32>,
     /// From one line to the next.
@@ -243,7 +250,8 @@ impl Blurred {
         let lines = vec![0.0; stride * input.size.channels];
         Blurred {
             rows: [(None, lines.clone()), (None, lines.clone())],
-            sums: vec![0.0; input.half.0 * (input.size.channels + 1)],
+            sums: vec![0.0; input.used().next_multiple_of(ROW_BLOCK)],
+            used: input.used(),
             line: lines,
             stride,
             blurriness: vec![0.0; input.size.width],
@@ -267,7 +275,7 @@ impl Blurred {
                 );
                 simd.run(
                     #[inline(always)]
-                    || divide(&self.sums, self.stride, lines),
+                    || divide(&self.sums[..self.used], self.stride, lines),
                 );
             }
         }
@@ -282,20 +290,20 @@ impl Blurred {
 /// Blurs rows along y into their middle one.
 #[inline(always)]
 fn blur_y(plan: &Plan, rows: &[&[f32]; 2 * REACH + 1], out: &mut [f32]) {
-    for (i, out) in out.chunks_mut(ROW_BLOCK).enumerate() {
-        let part = |row: usize| &rows[row][ROW_BLOCK * i..][..out.len()];
+    for (i, out) in out.as_chunks_mut::<ROW_BLOCK>().0.iter_mut().enumerate() {
+        let part = |row: usize| block::<ROW_BLOCK>(rows[row], ROW_BLOCK * i);
         let centre = part(REACH);
         let mut sums = [0.0f32; ROW_BLOCK];
-        for (sum, v) in sums.iter_mut().zip(centre) {
-            *sum = plan.weights[0] * v;
+        for x in 0..ROW_BLOCK {
+            sums[x] = plan.weights[0] * centre[x];
         }
         for distance in 1..=REACH {
-            let sides = part(REACH - distance).iter().zip(part(REACH + distance));
-            for (sum, (a, b)) in sums.iter_mut().zip(sides) {
-                *sum += plan.weights[distance] * (a + b);
+            let (a, b, weight) = (part(REACH - distance), part(REACH + distance), plan.weights[distance]);
+            for x in 0..ROW_BLOCK {
+                sums[x] += weight * (a[x] + b[x]);
             }
         }
-        out.copy_from_slice(&sums[..out.len()]);
+        *out = sums;
     }
 }
 
