@@ -177,7 +177,8 @@ lens = dofsim.Lens(aperture_radius=1.0, focus_distance=2.0, fov=50.0)
 
 # Work of seconds, each in another loop of the core.
 PHASES = {
-    "preparation": "dofsim.Scene(np.tile(color, (3, 3, 1)), np.tile(depth, (3, 3))).render(lens)",
+    "preparation": "dofsim.Scene(np.tile(color, (3, 3, 1)), np.tile(depth, (3, 3)))"
+    ".render(lens.replace(aperture_radius=0.6))",
     "views": "dofsim.render(color, depth, lens, views=16384)",
     "barrel": "dofsim.render(color, depth, lens.replace(cat_eye=0.7), views=16384)",
     "disc": "dofsim.render(color[:64, :64].copy(), depth[:64, :64].copy() * 0 + 4, "
@@ -214,7 +215,7 @@ print(dofsim.render(color[:40, :40].copy(), depth[:40, :40].copy(), lens).shape,
         time.sleep(0.6)
         sent = time.monotonic()
         process.send_signal(signal.SIGINT)
-        assert process.stdout.readline() == "interrupted\n"
+        assert process.stdout.readline() == "interrupted\n", process.stderr.read()
         assert time.monotonic() - sent < 1.5
         assert process.stdout.readline() == "(40, 40, 3)\n"
         assert process.wait(timeout=10) == 0

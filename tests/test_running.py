@@ -73,7 +73,7 @@ def test_the_interpreter_is_free_while_a_render_runs():
 def test_the_interpreter_is_free_while_a_render_waits_for_another():
     color, depth = scene(400, 600)
     first, second = (
-        threading.Thread(target=render, args=(color, depth), kwargs={"views": views}) for views in (2048, 16)
+        threading.Thread(target=render, args=(color, depth), kwargs={"views": views}) for views in (8192, 16)
     )
     began = time.perf_counter()
     first.start()
