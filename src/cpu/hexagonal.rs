@@ -1,7 +1,7 @@
 //! Carries out [`plan::hexagonal`](crate::plan::hexagonal), tile by tile.
 
 use super::border::{mirrored, read_mirrored};
-use super::rows::with_channels;
+use super::rows::{greater, lesser, with_channels};
 use super::simd::Simd;
 use super::tiles::{self, Tile};
 use crate::cancel::Cancel;
@@ -70,9 +70,7 @@ struct Frame<'a> {
 /// Signed radius of the circle of confusion at a disparity, cut at `most` pixels.
 #[inline(always)]
 fn coc(optics: &Optics, most: f64, disparity: f32) -> f32 {
-    let radius = -optics.shift_px(f64::from(disparity));
-    let above = if radius > -most { radius } else { -most };
-    (if above < most { above } else { most }) as f32
+    (-optics.shift_px(f64::from(disparity))).clamp(-most, most) as f32
 }
 
 /// The planes of light in front of the focus. Colour and coverage are divided by the radius of the circle of confusion,
@@ -295,10 +293,10 @@ impl Circles {
         for i in 0..LANES {
             behind.1[i] = if coc[i] > 0.0 { coc[i] } else { 0.0 };
         }
-        let span = |of: (Lane, Lane)| Span { least: least(of.0), most: most(of.1) };
+        let span = |of: (Lane, Lane)| Span { least: reduce(of.0, lesser), most: reduce(of.1, greater) };
         self.in_front = self.in_front.with(span(in_front));
         self.behind = self.behind.with(span(behind));
-        self.open |= most(*coc) >= 0.0;
+        self.open |= reduce(*coc, greater) >= 0.0;
     }
 }
 
@@ -396,10 +394,10 @@ fn parts(tap: Tap, radius: &Lane) -> Lane {
         reached[i] -= tap.from_px;
     }
     for i in 0..LANES {
-        reached[i] = if reached[i] > 0.0 { reached[i] } else { 0.0 };
+        reached[i] = greater(0.0, reached[i]);
     }
     for i in 0..LANES {
-        reached[i] = if reached[i] < tap.step_px { reached[i] } else { tap.step_px };
+        reached[i] = lesser(tap.step_px, reached[i]);
     }
     for i in 0..LANES {
         reached[i] *= tap.share;
@@ -455,30 +453,17 @@ struct Own {
 impl Own {
     #[inline(always)]
     fn new(coc: &Lane) -> Own {
-        Own { coc: *coc, least: least(*coc), most: most(*coc) }
+        Own { coc: *coc, least: reduce(*coc, lesser), most: reduce(*coc, greater) }
     }
 }
 
-/// The least of a lane, by halves.
+/// What `pick` leaves of a lane, by halves.
 #[inline(always)]
-fn least(mut values: Lane) -> f32 {
+fn reduce(mut values: Lane, pick: impl Fn(f32, f32) -> f32) -> f32 {
     let mut n = LANES / 2;
     while n > 0 {
         for i in 0..n {
-            values[i] = if values[i + n] < values[i] { values[i + n] } else { values[i] };
-        }
-        n /= 2;
-    }
-    values[0]
-}
-
-/// The most of a lane, by halves.
-#[inline(always)]
-fn most(mut values: Lane) -> f32 {
-    let mut n = LANES / 2;
-    while n > 0 {
-        for i in 0..n {
-            values[i] = if values[i + n] > values[i] { values[i + n] } else { values[i] };
+            values[i] = pick(values[i], values[i + n]);
         }
         n /= 2;
     }

@@ -1,7 +1,7 @@
 //! Carries out [`plan::poisson`](crate::plan::poisson).
 
 use super::border::{Window, block};
-use super::rows::{interleave, mix, render_bands, with_channels};
+use super::rows::{greater, interleave, lesser, mix, render_bands, with_channels};
 use super::simd::Simd;
 use crate::cancel::Cancel;
 use crate::error::Result;
@@ -357,16 +357,6 @@ impl Extremes {
         // Nothing is in front of any pixel, or all that is counts as much as the rest.
         if nearest <= farthest || least_blurred >= 1.0 { LeakTest::Off } else { plan.leak_test }
     }
-}
-
-#[inline(always)]
-fn greater(a: f32, b: f32) -> f32 {
-    if b > a { b } else { a }
-}
-
-#[inline(always)]
-fn lesser(a: f32, b: f32) -> f32 {
-    if b < a { b } else { a }
 }
 
 /// What `pick` leaves of every few columns of a plane.

@@ -4,6 +4,7 @@ use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::picture::Size;
 use rayon::prelude::*;
+use std::ops::Index;
 
 /// Rows that one worker takes at a time.
 const BAND: usize = 8;
@@ -47,9 +48,21 @@ pub fn mix(a: f32, b: f32, fraction: f32) -> f32 {
     a + fraction * (b - a)
 }
 
-/// Puts the first pixels of a row of planes into an interleaved row, as many as that has.
+/// The lesser of two values.
 #[inline(always)]
-pub fn interleave<const C: usize, const N: usize>(planes: [&[f32; N]; C], out: &mut [f32]) {
+pub fn lesser(a: f32, b: f32) -> f32 {
+    if b < a { b } else { a }
+}
+
+/// The greater of two values.
+#[inline(always)]
+pub fn greater(a: f32, b: f32) -> f32 {
+    if b > a { b } else { a }
+}
+
+/// Puts the first pixels of a row of planes, or of blocks of them, into an interleaved row, as many as that has.
+#[inline(always)]
+pub fn interleave<const C: usize, P: Index<usize, Output = f32> + ?Sized>(planes: [&P; C], out: &mut [f32]) {
     for (x, pixel) in out.chunks_exact_mut(C).enumerate() {
         for c in 0..C {
             pixel[c] = planes[c][x];

@@ -134,7 +134,7 @@ pub fn render(
     let level = surfaces.iter().filter_map(Surface::level);
     let kernels = Kernels::new(&settings.aperture, s_focus, keys, level, cancel)?;
     // What outshines the rest is on the sheets' list, whether it is taken out or not.
-    let none_outshines = highlights_are_out || sheets.bright(simd)[0].is_empty();
+    let none_outshines = highlights_are_out || surfaces.is_empty() || sheets.bright(simd)[0].is_empty();
     let gather =
         disc::Gather { size, colors: &colors[0], s: &front.s, s_focus, kernels: &kernels, simd, cancel };
 

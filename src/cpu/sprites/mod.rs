@@ -6,7 +6,7 @@ mod stamp;
 mod surroundings;
 mod target;
 
-use super::rows::{render_rows, with_channels};
+use super::rows::{interleave, render_rows, with_channels};
 use super::simd::Simd;
 use crate::cancel::Cancel;
 use crate::error::Result;
@@ -37,7 +37,7 @@ pub fn render(
             simd.run(
                 #[inline(always)]
                 || {
-                    interleave::<C>(std::array::from_fn(plane), out);
+                    interleave::<C, [f32]>(std::array::from_fn(plane), out);
                     show_behind(&target, y, &behind.rows[y], between, out);
                 },
             );
@@ -54,16 +54,6 @@ pub fn render(
             );
         })
     })
-}
-
-/// Puts a row of planes into an interleaved row.
-#[inline(always)]
-fn interleave<const C: usize>(planes: [&[f32]; C], out: &mut [f32]) {
-    for (x, pixel) in out.as_chunks_mut::<C>().0.iter_mut().enumerate() {
-        for c in 0..C {
-            pixel[c] = planes[c][x];
-        }
-    }
 }
 
 /// Puts the light of points behind into their pixels in row `y`.
