@@ -8,13 +8,13 @@ use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::optics::Optics;
 use crate::picture::{Layer, Size};
-use crate::plan::hexagonal::{Margin, Plan, Settings, Tap};
+use crate::plan::hexagonal::{Line, Margin, Plan, Settings, Tap};
 use rayon::prelude::*;
 
 /// Pixels worked on at once.
 const LANES: usize = 16;
 /// Columns worked down at once.
-const STRIP: usize = 64;
+const STRIP: usize = 16;
 /// Columns and rows over which it is asked once how far light comes.
 const BLOCK: (usize, usize) = (32, 8);
 
@@ -256,13 +256,6 @@ impl Span {
     fn with(self, other: Span) -> Span {
         Span { least: self.least.min(other.least), most: self.most.max(other.most) }
     }
-
-    /// The steps of a line that all of these get past, and then those that only some of them reach.
-    #[inline(always)]
-    fn split(self, line: &[Tap]) -> (&[Tap], &[Tap]) {
-        let reached = &line[..line.partition_point(|tap| tap.from_px < self.most)];
-        reached.split_at(reached.partition_point(|tap| tap.from_px + tap.step_px <= self.least))
-    }
 }
 
 /// The circles of confusion of a block's pixels, or of all that its look-ups meet.
@@ -484,9 +477,9 @@ impl<const C: usize> NearSum<C> {
 
     /// Adds what comes along a line from circles of confusion of these radii.
     #[inline(always)]
-    fn add(&mut self, field: &Field, near: Near, line: &[Tap], at: usize, radii: Span) {
+    fn add(&mut self, field: &Field, near: Near, line: &Line, at: usize, radii: Span) {
         let values = &field.values;
-        let (all, some) = radii.split(line);
+        let (all, some) = line.split(radii.least, radii.most);
         for &tap in all {
             let from = look_up(at, tap, field.stride);
             self.add_step(field, near, from, &whole(tap), lane(values, near.radius + from));
@@ -549,14 +542,14 @@ impl<const C: usize> RestSum<C> {
     /// A pixel behind the focus sees what circles of confusion of less than twice its own bring; one in front looks
     /// behind itself as far as its own reaches; one in focus sees itself.
     #[inline(always)]
-    fn add(&mut self, field: &Field, rest: Rest, line: &[Tap], at: usize, own: &Own, around: Circles) {
+    fn add(&mut self, field: &Field, rest: Rest, line: &Line, at: usize, own: &Own, around: Circles) {
         let values = &field.values;
         let mut sum = Self::NONE;
         let mut total = [0.0; LANES];
         if own.most > 0.0 {
             // Where all pixels are behind the focus and no circle is too large for any, none need be asked.
             let known = if around.behind.most < 2.0 * own.least { around.behind.least } else { 0.0 };
-            let (all, some) = Span { least: known, most: around.behind.most.min(2.0 * own.most) }.split(line);
+            let (all, some) = line.split(known, around.behind.most.min(2.0 * own.most));
             for &tap in all {
                 let from = look_up(at, tap, field.stride);
                 let weight = product(&whole(tap), lane(values, field.inverse + from));
@@ -576,7 +569,7 @@ impl<const C: usize> RestSum<C> {
             }
         }
         if own.least < 0.0 && around.open {
-            let (all, some) = Span { least: (-own.most).max(0.0), most: -own.least }.split(line);
+            let (all, some) = line.split((-own.most).max(0.0), -own.least);
             for &tap in all {
                 sum.look(field, rest, look_up(at, tap, field.stride), &whole(tap), &mut total);
             }

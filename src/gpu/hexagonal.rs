@@ -72,12 +72,12 @@ struct Lines {
 }
 
 impl Lines {
-    fn new(plan: &Plan, of: impl Fn(&plan::Target) -> &Vec<Vec<plan::Tap>>) -> Lines {
+    fn new(plan: &Plan, of: impl Fn(&plan::Target) -> &Vec<plan::Line>) -> Lines {
         let mut all = Lines { taps: Vec::new(), lines: [[0; 4]; MAX_LINES], count: 0 };
         for (i, target) in plan.targets.iter().enumerate() {
             for line in of(target) {
                 let first = all.taps.len();
-                all.taps.extend(line.iter().map(Tap::from));
+                all.taps.extend(line.taps.iter().map(Tap::from));
                 all.lines[all.count] = [first as u32, all.taps.len() as u32, i as u32, 0];
                 all.count += 1;
             }

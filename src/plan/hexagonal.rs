@@ -83,13 +83,52 @@ pub struct Tap {
     pub step_px: f32,
 }
 
+/// The look-ups along a line, from its pixel on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Line {
+    /// The look-ups, by the step that they belong to.
+    pub taps: Vec<Tap>,
+    /// Look-ups of a step.
+    per_step: usize,
+    /// One over the radius whose line is as long as one step.
+    steps_per_px: f32,
+}
+
+impl Line {
+    /// The look-ups that circles of confusion of all radii from `least` to `most` get past, and then those that only
+    /// some of them reach.
+    #[inline(always)]
+    pub fn split(&self, least_px: f32, most_px: f32) -> (&[Tap], &[Tap]) {
+        let reached = self.up_to(most_px, |tap| tap.from_px < most_px);
+        let passed = self.up_to(least_px, |tap| tap.from_px + tap.step_px <= least_px);
+        self.taps[..reached].split_at(passed.min(reached))
+    }
+
+    /// How many look-ups lie within a radius, as `within` has it of each.
+    ///
+    /// Steps are as long as each other, so that their number is known to within a step: halving the line again and
+    /// again for it would be a fourth of all work.
+    #[inline(always)]
+    fn up_to(&self, radius_px: f32, within: impl Fn(&Tap) -> bool) -> usize {
+        let steps = (radius_px * self.steps_per_px + 0.5) as usize;
+        let mut count = steps.saturating_mul(self.per_step).min(self.taps.len());
+        while count < self.taps.len() && within(&self.taps[count]) {
+            count += 1;
+        }
+        while count > 0 && !within(&self.taps[count - 1]) {
+            count -= 1;
+        }
+        count
+    }
+}
+
 /// What one target of the first pass is made of, and where the second pass takes it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Target {
     /// Lines of the picture added to the target before this one.
-    pub gathered: Vec<Vec<Tap>>,
+    pub gathered: Vec<Line>,
     /// Lines that the second pass blurs this target along.
-    pub spread: Vec<Vec<Tap>>,
+    pub spread: Vec<Line>,
 }
 
 /// Pixels read to the left, right, above and below.
@@ -145,8 +184,8 @@ impl Plan {
 
     /// How far the second pass reads from a pixel, and how far both passes do.
     pub fn margins(&self) -> (Margin, Margin) {
-        let of = |lines: fn(&Target) -> &Vec<Vec<Tap>>| {
-            let taps = || self.targets.iter().flat_map(lines).flatten();
+        let of = |lines: fn(&Target) -> &Vec<Line>| {
+            let taps = || self.targets.iter().flat_map(lines).flat_map(|line| &line.taps);
             let most = |value: fn(&Tap) -> i32| taps().map(value).max().unwrap_or(0).max(0) as usize;
             Margin {
                 left: most(|t| -t.dx),
@@ -173,7 +212,7 @@ impl Plan {
 /// to either side), without which the crossing lines of both passes leave a weave of a tenth of the light. Step `k`
 /// stands for the part of the line within half a step of it, so that the light of a line sums to one whatever its
 /// length.
-fn line(angle: f64, length: f64, reach_px: f64) -> Vec<Tap> {
+fn line(angle: f64, length: f64, reach_px: f64) -> Line {
     let step = [-angle.cos(), angle.sin()];
     let major = usize::from(step[1].abs() > step[0].abs());
     let minor = 1 - major;
@@ -208,7 +247,8 @@ fn line(angle: f64, length: f64, reach_px: f64) -> Vec<Tap> {
             }
         }
     }
-    taps
+    let per_step = if along_axis { 1 } else { 3 };
+    Line { taps, per_step, steps_per_px: (1.0 / radius_of_step) as f32 }
 }
 
 /// Pixels across to a pixel along, below which a line is taken for one along an axis, through pixel centres.
@@ -230,9 +270,23 @@ mod tests {
             for line in plan.targets.iter().flat_map(|t| t.gathered.iter().chain(&t.spread)) {
                 for radius in [0.2f32, 1.0, 3.3, 19.9] {
                     let part = |t: &Tap| t.share * (radius - t.from_px).clamp(0.0, t.step_px);
-                    let sum: f32 = line.iter().map(part).sum();
+                    let sum: f32 = line.taps.iter().map(part).sum();
                     assert!((sum / radius - 1.0).abs() < 1e-5, "{blades} {rotation} {radius}: {sum}");
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn a_line_is_split_where_its_steps_say() {
+        for (blades, rotation) in [(6, 17.0), (6, 90.0), (4, 45.0)] {
+            for line in plan(blades, rotation, 20.0).targets.iter().flat_map(|t| &t.gathered) {
+                for (least, most) in (0..=84).map(|i| i as f32 * 0.25).map(|px| (0.7 * px, px)) {
+                    let reached: Vec<Tap> = line.taps.iter().copied().filter(|t| t.from_px < most).collect();
+                    let passed = reached.iter().filter(|t| t.from_px + t.step_px <= least).count();
+                    assert_eq!(line.split(least, most), reached.split_at(passed), "{blades} {least} {most}");
+                }
+                assert_eq!(line.split(f32::INFINITY, 0.0), (&[][..], &[][..]));
             }
         }
     }
@@ -245,7 +299,7 @@ mod tests {
 
     #[test]
     fn light_that_spreads_upwards_comes_from_below() {
-        let up = &plan(6, 90.0, 8.0).targets[0].gathered[0];
+        let up = &plan(6, 90.0, 8.0).targets[0].gathered[0].taps;
         assert!(up.iter().all(|t| t.dx == 0 && t.share == 1.0));
         assert_eq!(up.iter().map(|t| t.dy).collect::<Vec<_>>(), (0..=8).collect::<Vec<_>>());
     }
