@@ -2,6 +2,7 @@
 
 use crate::memory::Buffer;
 use crate::picture::Size;
+use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -33,14 +34,11 @@ impl Colors {
         Colors { size, planes: None, own: Vec::new() }.with(own)
     }
 
-    /// The same, but for these cells.
+    /// The same, but for these cells, each of which is listed once.
     pub fn with(&self, mut changes: Vec<Own>) -> Colors {
-        changes.sort_unstable_by_key(|cell| cell.index);
-        let changed = |index: usize| changes.binary_search_by_key(&index, |cell| cell.index).is_ok();
-        let kept: Vec<Own> = self.own.iter().copied().filter(|cell| !changed(cell.index)).collect();
-        changes.extend(kept);
-        changes.sort_unstable_by_key(|cell| cell.index);
-        Colors { size: self.size, planes: self.planes.clone(), own: changes }
+        changes.par_sort_unstable_by_key(|cell| cell.index);
+        let own = if self.own.is_empty() { changes } else { merged(&self.own, &changes) };
+        Colors { size: self.size, planes: self.planes.clone(), own }
     }
 
     /// These channels alone.
@@ -121,6 +119,21 @@ impl Colors {
         }
         all
     }
+}
+
+/// Cells of two lists by rising index; of one that stands in both, the later.
+fn merged(earlier: &[Own], later: &[Own]) -> Vec<Own> {
+    let mut all = Vec::with_capacity(earlier.len() + later.len());
+    let mut rest = earlier.iter().peekable();
+    for cell in later {
+        while let Some(before) = rest.next_if(|other| other.index < cell.index) {
+            all.push(*before);
+        }
+        rest.next_if(|other| other.index == cell.index);
+        all.push(*cell);
+    }
+    all.extend(rest);
+    all
 }
 
 #[cfg(test)]

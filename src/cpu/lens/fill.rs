@@ -1,6 +1,7 @@
 //! What lies hidden behind foreground edges: colour and depth of the surface that the lens sees there and the
 //! pinhole did not.
 
+use super::AT_ONCE;
 use super::blocks::BLOCK;
 use super::surfaces::{self, CONNECTED_PX, EDGE};
 use super::unmix::{Frame, Mixed};
@@ -282,6 +283,7 @@ pub fn hidden(frame: &Frame, mixed: &[Mixed], cancel: &Cancel) -> Result<Vec<Hid
         let pixels = rows.flat_map(|y| (x0..(x0 + BLOCK).min(width)).map(move |x| y * width + x));
         Ok(pixels.filter_map(|index| fill_pixel(index, s_farthest)).collect())
     };
-    let filled = (0..blocks.edge_s.len()).into_par_iter().map(fill_block).collect::<Result<Vec<_>>>()?;
+    let numbers = (0..blocks.edge_s.len()).into_par_iter().with_max_len(AT_ONCE);
+    let filled = numbers.map(fill_block).collect::<Result<Vec<_>>>()?;
     Ok(filled.into_iter().flatten().collect())
 }

@@ -47,6 +47,12 @@ use tiles::Work;
 /// The largest circle of confusion that is rendered.
 pub const MAX_RADIUS_PX: f64 = 2048.0;
 
+/// Rows or blocks that a worker takes at a time. Some cost a hundred times as much as others, and what one worker has begun
+/// nobody can take over.
+const AT_ONCE: usize = 8;
+/// Tiles that a worker takes at a time: some more, for each time it needs memory to work in.
+const TILES_AT_ONCE: usize = 4 * AT_ONCE;
+
 /// The choices that a caller has.
 #[derive(Debug, Clone)]
 pub struct Settings {
@@ -140,7 +146,7 @@ pub fn render(
 
     let scene = highlights::Scene { packed: &packed, s_focus, kernels: &kernels, clip: clip.as_ref() };
     let mut slots = split(out, size, TILE);
-    slots.par_iter_mut().zip(&tiles).enumerate().try_for_each_init(
+    slots.par_iter_mut().zip(&tiles).enumerate().with_max_len(TILES_AT_ONCE).try_for_each_init(
         || (Segments::default(), Around::default(), TileColor::new(size.channels)),
         |(segments, around, color), (i, (slot, tile))| {
             cancel.check()?;

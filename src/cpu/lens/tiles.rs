@@ -1,5 +1,6 @@
 //! What each tile of the frame needs: a copy, an exact disc, or the full sweep over the lens.
 
+use super::AT_ONCE;
 use super::blocks::{BLOCK, Blocks, DepthBits};
 use super::cells::Codes;
 use super::pack::{Padding, TILE};
@@ -127,7 +128,7 @@ pub fn plan(frame: &Frame, count_views: impl Fn(f64) -> usize + Sync) -> Vec<Til
     let columns = (0..padding.width).step_by(TILE.0);
     let rows = (0..padding.height).step_by(TILE.1);
     let origins: Vec<_> = rows.flat_map(|y| columns.clone().map(move |x| (x, y))).collect();
-    origins.into_par_iter().map(plan_tile).collect()
+    origins.into_par_iter().with_max_len(AT_ONCE).map(plan_tile).collect()
 }
 
 /// Which padded blocks some sweep may read.

@@ -3,6 +3,7 @@
 //! A pixel on a silhouette holds `C = a F + (1 - a) B` but one depth only. Left alone it would be carried by a
 //! single disc; one such pixel on the rim of a bright lamp poisons its whole neighbourhood.
 
+use super::AT_ONCE;
 use super::surfaces::{CONNECTED_PX, EDGE};
 use crate::cancel::Cancel;
 use crate::error::Result;
@@ -255,7 +256,8 @@ pub fn unmix(frame: &Frame, cancel: &Cancel) -> Result<Vec<Mixed>> {
         let edges = (0..frame.size.width).filter(|x| frame.links[y * frame.size.width + x] & EDGE != 0);
         Ok(edges.filter_map(|x| unmix_pixel(frame, x, y)).collect::<Vec<_>>())
     };
-    let rows = (0..frame.size.height).into_par_iter().map(row).collect::<Result<Vec<_>>>()?;
+    let rows =
+        (0..frame.size.height).into_par_iter().with_max_len(AT_ONCE).map(row).collect::<Result<Vec<_>>>()?;
     Ok(rows.concat())
 }
 
