@@ -15,12 +15,14 @@ pub const BLOCK: usize = 16;
 pub type DepthBits = [u64; 4];
 
 /// Whether any of the bins `from ..= to` is set.
+#[inline(always)]
 pub fn any_bin(bits: &DepthBits, from: usize, to: usize) -> bool {
-    (from / 64..=to / 64).any(|word| {
-        let first = from.saturating_sub(word * 64).min(63);
-        let last = (to - word * 64).min(63);
-        bits[word] & (u64::MAX << first) & (u64::MAX >> (63 - last)) != 0
-    })
+    let (first, last) = (from / 64, to / 64);
+    let (above, below) = (u64::MAX << (from % 64), u64::MAX >> (63 - to % 64));
+    if first == last {
+        return bits[first] & above & below != 0;
+    }
+    bits[first] & above != 0 || bits[last] & below != 0 || bits[first + 1..last].iter().any(|&b| b != 0)
 }
 
 fn unite(into: &mut DepthBits, bits: &DepthBits) {

@@ -347,7 +347,7 @@ impl Highlight {
                     // Where the ray passes this cell, from its centre: on the line through the highlight.
                     let t_cell = packed.codes.decode(f64::from(lo)) - s_focus - self.t;
                     let at = [0, 1].map(|i| (l[i] * t_cell - along[i].round()) as f32);
-                    visible = visible.min(1.0 - sheet.partial.as_ref().map_or(1.0, |p| p.covered(index, at)));
+                    visible = visible.min(1.0 - sheet.partial.covered(index, at));
                 }
             }
             if visible == 0.0 {

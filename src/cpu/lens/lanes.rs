@@ -1,9 +1,6 @@
-//! The few operations of the sweep on a row of 32 cells, for each instruction set.
+//! The few operations of the sweep on a row of cells, for each instruction set.
 //!
 //! All faces give the same bits: comparisons are exact, and sums are plain additions in the same order.
-
-/// Cells handled at once.
-pub const LANES: usize = 32;
 
 /// Half-planes of a row of cells, and the ray that tests them.
 #[derive(Clone, Copy)]
@@ -30,67 +27,119 @@ pub struct Ray {
 ///
 /// # Safety
 ///
-/// Implementations use instructions that the caller has to have detected, and read `LANES` values from every
+/// Implementations use instructions that the caller has to have detected, and read `CELLS` values from every
 /// pointer.
 pub unsafe trait Lanes {
+    /// Cells handled at once, as many as leave the sums of three channels and two rows in registers.
+    const CELLS: usize;
     /// Sums of one channel.
     type Sum: Copy;
+    /// Some of the cells.
+    type Mask: Copy;
 
     /// All sums zero.
     unsafe fn zero() -> Self::Sum;
-    /// Bit `i` is set where cell `i` reaches into the codes `from .. to`: `hi >= from && lo < to`.
-    unsafe fn hits(lo: *const u16, hi: *const u16, from: u16, to: u16) -> u32;
-    /// Adds the values of the cells whose bit is set.
-    unsafe fn add(sum: &mut Self::Sum, values: *const f32, mask: u32);
+    /// The cells whose bit is set.
+    unsafe fn mask(bits: u32) -> Self::Mask;
+    /// The bits of some cells.
+    unsafe fn bits(cells: Self::Mask) -> u32;
+    /// The cells of both.
+    unsafe fn union(a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// The cells of `a` that are not in `b`.
+    unsafe fn without(a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// Those of some cells that reach into the codes `from .. to`: `hi >= from && lo < to`.
+    unsafe fn hits(of: Self::Mask, lo: *const u16, hi: *const u16, from: u16, to: u16) -> Self::Mask;
+    /// Adds the values of all cells.
+    unsafe fn add_all(sum: &mut Self::Sum, values: *const f32);
+    /// Adds the values of some cells.
+    unsafe fn add(sum: &mut Self::Sum, values: *const f32, cells: Self::Mask);
     /// Writes the sums out.
     unsafe fn store(sum: Self::Sum, out: *mut f32);
     /// Bit `i` is set where the ray passes through the covered part of cell `i`.
     unsafe fn covered(row: &HalfPlaneRow) -> u32;
 }
 
+/// Masks that are bits, on which processors calculate.
+macro_rules! bit_masks {
+    () => {
+        #[inline(always)]
+        unsafe fn mask(bits: u32) -> u32 {
+            bits
+        }
+
+        #[inline(always)]
+        unsafe fn bits(cells: u32) -> u32 {
+            cells
+        }
+
+        #[inline(always)]
+        unsafe fn union(a: u32, b: u32) -> u32 {
+            a | b
+        }
+
+        #[inline(always)]
+        unsafe fn without(a: u32, b: u32) -> u32 {
+            a & !b
+        }
+    };
+}
+
 /// Any processor.
 pub struct Portable;
 
-// SAFETY: no special instructions; reads and writes LANES values as the trait says.
+// SAFETY: no special instructions; reads and writes CELLS values as the trait says.
 unsafe impl Lanes for Portable {
-    type Sum = [f32; LANES];
+    const CELLS: usize = 32;
+    type Sum = [f32; Self::CELLS];
+    type Mask = u32;
+
+    bit_masks!();
 
     #[inline(always)]
     unsafe fn zero() -> Self::Sum {
-        [0.0; LANES]
+        [0.0; Self::CELLS]
     }
 
     #[inline(always)]
-    unsafe fn hits(lo: *const u16, hi: *const u16, from: u16, to: u16) -> u32 {
-        // SAFETY: the caller guarantees LANES readable values.
-        let (lo, hi) = unsafe { (&*lo.cast::<[u16; LANES]>(), &*hi.cast::<[u16; LANES]>()) };
+    unsafe fn hits(of: u32, lo: *const u16, hi: *const u16, from: u16, to: u16) -> u32 {
+        // SAFETY: the caller guarantees CELLS readable values.
+        let (lo, hi) = unsafe { (&*lo.cast::<[u16; Self::CELLS]>(), &*hi.cast::<[u16; Self::CELLS]>()) };
         let mut bits = 0;
-        for i in 0..LANES {
+        for i in 0..Self::CELLS {
             bits |= u32::from((hi[i] >= from) & (lo[i] < to)) << i;
         }
-        bits
+        of & bits
+    }
+
+    #[inline(always)]
+    unsafe fn add_all(sum: &mut Self::Sum, values: *const f32) {
+        // SAFETY: the caller guarantees CELLS readable values.
+        let values = unsafe { &*values.cast::<[f32; Self::CELLS]>() };
+        for i in 0..Self::CELLS {
+            sum[i] += values[i];
+        }
     }
 
     #[inline(always)]
     unsafe fn add(sum: &mut Self::Sum, values: *const f32, mask: u32) {
-        // SAFETY: the caller guarantees LANES readable values.
-        let values = unsafe { &*values.cast::<[f32; LANES]>() };
-        for i in 0..LANES {
+        // SAFETY: the caller guarantees CELLS readable values.
+        let values = unsafe { &*values.cast::<[f32; Self::CELLS]>() };
+        for i in 0..Self::CELLS {
             sum[i] += if mask >> i & 1 != 0 { values[i] } else { 0.0 };
         }
     }
 
     #[inline(always)]
     unsafe fn store(sum: Self::Sum, out: *mut f32) {
-        // SAFETY: the caller guarantees LANES writable values.
-        unsafe { out.cast::<[f32; LANES]>().write_unaligned(sum) }
+        // SAFETY: the caller guarantees CELLS writable values.
+        unsafe { out.cast::<[f32; Self::CELLS]>().write_unaligned(sum) }
     }
 
     #[inline(always)]
     unsafe fn covered(row: &HalfPlaneRow) -> u32 {
         let mut bits = 0;
-        for i in 0..LANES {
-            // SAFETY: the caller guarantees LANES readable values.
+        for i in 0..Self::CELLS {
+            // SAFETY: the caller guarantees CELLS readable values.
             let (nx, ny, cut, code) =
                 unsafe { (*row.normal_x.add(i), *row.normal_y.add(i), *row.cut.add(i), *row.code.add(i)) };
             let u = f32::from(code);
@@ -106,15 +155,19 @@ pub use x86::{Avx2, Avx512};
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
-    use super::{HalfPlaneRow, LANES, Lanes};
+    use super::{HalfPlaneRow, Lanes};
     use std::arch::x86_64::*;
 
     /// AVX-512 F and BW.
     pub struct Avx512;
 
-    // SAFETY: reads and writes LANES values; the caller has detected avx512f and avx512bw.
+    // SAFETY: reads and writes CELLS values; the caller has detected avx512f and avx512bw.
     unsafe impl Lanes for Avx512 {
+        const CELLS: usize = 32;
         type Sum = [__m512; 2];
+        type Mask = u32;
+
+        bit_masks!();
 
         #[inline(always)]
         unsafe fn zero() -> Self::Sum {
@@ -123,10 +176,11 @@ mod x86 {
         }
 
         #[inline(always)]
-        unsafe fn hits(lo: *const u16, hi: *const u16, from: u16, to: u16) -> u32 {
+        unsafe fn hits(of: u32, lo: *const u16, hi: *const u16, from: u16, to: u16) -> u32 {
             // SAFETY: as the trait demands of the caller.
             unsafe {
-                let above = _mm512_cmpge_epu16_mask(
+                let above = _mm512_mask_cmpge_epu16_mask(
+                    of,
                     _mm512_loadu_si512(hi.cast()),
                     _mm512_set1_epi16(from.cast_signed()),
                 );
@@ -135,6 +189,15 @@ mod x86 {
                     _mm512_loadu_si512(lo.cast()),
                     _mm512_set1_epi16(to.cast_signed()),
                 )
+            }
+        }
+
+        #[inline(always)]
+        unsafe fn add_all(sum: &mut Self::Sum, values: *const f32) {
+            // SAFETY: as the trait demands of the caller.
+            unsafe {
+                sum[0] = _mm512_add_ps(sum[0], _mm512_loadu_ps(values));
+                sum[1] = _mm512_add_ps(sum[1], _mm512_loadu_ps(values.add(16)));
             }
         }
 
@@ -182,48 +245,98 @@ mod x86 {
     /// AVX2.
     pub struct Avx2;
 
-    // SAFETY: reads and writes LANES values; the caller has detected avx2.
+    // SAFETY: reads and writes CELLS values; the caller has detected avx2.
     unsafe impl Lanes for Avx2 {
-        type Sum = [__m256; 4];
+        const CELLS: usize = 16;
+        type Sum = [__m256; 2];
+        // All bits of the 16 that a cell's depths have.
+        type Mask = __m256i;
 
         #[inline(always)]
-        unsafe fn zero() -> Self::Sum {
+        unsafe fn mask(bits: u32) -> __m256i {
             // SAFETY: the caller has detected the instructions.
-            unsafe { [_mm256_setzero_ps(); 4] }
-        }
-
-        #[inline(always)]
-        unsafe fn hits(lo: *const u16, hi: *const u16, from: u16, to: u16) -> u32 {
-            // SAFETY: as the trait demands of the caller.
             unsafe {
-                let from = _mm256_set1_epi16(from.cast_signed());
-                let last = _mm256_set1_epi16(to.wrapping_sub(1).cast_signed());
-                let inside = |at: usize| {
-                    let (lo, hi) =
-                        (_mm256_loadu_si256(lo.add(at).cast()), _mm256_loadu_si256(hi.add(at).cast()));
-                    // Unsigned order by way of maximum and minimum; `lo < to` is `lo <= to - 1`, as to > 0.
-                    _mm256_and_si256(
-                        _mm256_cmpeq_epi16(_mm256_max_epu16(hi, from), hi),
-                        _mm256_cmpeq_epi16(_mm256_min_epu16(lo, last), lo),
-                    )
-                };
-                // Packing works in 128-bit halves; the permutation puts them back in order.
-                let packed =
-                    _mm256_permute4x64_epi64::<0b11_01_10_00>(_mm256_packs_epi16(inside(0), inside(16)));
-                _mm256_movemask_epi8(packed).cast_unsigned()
+                let bit = _mm256_setr_epi16(
+                    1,
+                    1 << 1,
+                    1 << 2,
+                    1 << 3,
+                    1 << 4,
+                    1 << 5,
+                    1 << 6,
+                    1 << 7,
+                    1 << 8,
+                    1 << 9,
+                    1 << 10,
+                    1 << 11,
+                    1 << 12,
+                    1 << 13,
+                    1 << 14,
+                    i16::MIN,
+                );
+                _mm256_cmpeq_epi16(_mm256_and_si256(_mm256_set1_epi16(bits as i16), bit), bit)
             }
         }
 
         #[inline(always)]
-        unsafe fn add(sum: &mut Self::Sum, values: *const f32, mask: u32) {
+        unsafe fn bits(cells: __m256i) -> u32 {
+            // SAFETY: the caller has detected the instructions.
+            unsafe {
+                let (low, high) = (_mm256_castsi256_si128(cells), _mm256_extracti128_si256::<1>(cells));
+                _mm_movemask_epi8(_mm_packs_epi16(low, high)).cast_unsigned()
+            }
+        }
+
+        #[inline(always)]
+        unsafe fn union(a: __m256i, b: __m256i) -> __m256i {
+            // SAFETY: the caller has detected the instructions.
+            unsafe { _mm256_or_si256(a, b) }
+        }
+
+        #[inline(always)]
+        unsafe fn without(a: __m256i, b: __m256i) -> __m256i {
+            // SAFETY: the caller has detected the instructions.
+            unsafe { _mm256_andnot_si256(b, a) }
+        }
+
+        #[inline(always)]
+        unsafe fn zero() -> Self::Sum {
+            // SAFETY: the caller has detected the instructions.
+            unsafe { [_mm256_setzero_ps(); 2] }
+        }
+
+        #[inline(always)]
+        unsafe fn hits(of: __m256i, lo: *const u16, hi: *const u16, from: u16, to: u16) -> __m256i {
             // SAFETY: as the trait demands of the caller.
             unsafe {
-                let bit = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
-                for (i, sum) in sum.iter_mut().enumerate() {
-                    let bits = _mm256_set1_epi32((mask >> (8 * i)).cast_signed());
-                    let lanes = _mm256_cmpeq_epi32(_mm256_and_si256(bits, bit), bit);
-                    let values = _mm256_loadu_ps(values.add(8 * i));
-                    *sum = _mm256_add_ps(*sum, _mm256_and_ps(values, _mm256_castsi256_ps(lanes)));
+                // Subtraction that stops at zero stands in for unsigned comparison: nothing is left of `a - b` where
+                // `a <= b`; and `lo < to` is `lo <= to - 1`, as to > 0.
+                let from = _mm256_set1_epi16(from.cast_signed());
+                let last = _mm256_set1_epi16(to.wrapping_sub(1).cast_signed());
+                let below = _mm256_subs_epu16(from, _mm256_loadu_si256(hi.cast()));
+                let above = _mm256_subs_epu16(_mm256_loadu_si256(lo.cast()), last);
+                let outside = _mm256_or_si256(below, above);
+                _mm256_and_si256(of, _mm256_cmpeq_epi16(outside, _mm256_setzero_si256()))
+            }
+        }
+
+        #[inline(always)]
+        unsafe fn add_all(sum: &mut Self::Sum, values: *const f32) {
+            // SAFETY: as the trait demands of the caller.
+            unsafe {
+                sum[0] = _mm256_add_ps(sum[0], _mm256_loadu_ps(values));
+                sum[1] = _mm256_add_ps(sum[1], _mm256_loadu_ps(values.add(8)));
+            }
+        }
+
+        #[inline(always)]
+        unsafe fn add(sum: &mut Self::Sum, values: *const f32, cells: __m256i) {
+            // SAFETY: as the trait demands of the caller.
+            unsafe {
+                let halves = [_mm256_castsi256_si128(cells), _mm256_extracti128_si256::<1>(cells)];
+                for (i, half) in halves.into_iter().enumerate() {
+                    let lanes = _mm256_castsi256_ps(_mm256_cvtepi16_epi32(half));
+                    sum[i] = _mm256_add_ps(sum[i], _mm256_and_ps(_mm256_loadu_ps(values.add(8 * i)), lanes));
                 }
             }
         }
@@ -239,7 +352,7 @@ mod x86 {
         #[inline(always)]
         unsafe fn covered(row: &HalfPlaneRow) -> u32 {
             let mut bits = 0;
-            for at in (0..LANES).step_by(8) {
+            for at in (0..Self::CELLS).step_by(8) {
                 // SAFETY: as the trait demands of the caller.
                 let mask = unsafe {
                     let u =

@@ -26,28 +26,27 @@ impl Line {
     #[inline(always)]
     pub fn follow(&self, near: usize, far: usize, mut visit: impl FnMut([f64; 2], usize, usize)) {
         let Line { slope, base } = *self;
-        // Of a ray that never leaves its column, infinite, and not used.
-        let codes_per_cell = slope.map(f64::recip);
         let mut cell = [0, 1].map(|i| (base[i] + slope[i] * near as f64).round());
+        let toward = slope.map(f64::signum);
+        // The codes of a column or row of cells; a ray that never leaves its own does so beyond all codes.
+        let codes_per_cell = slope.map(|slope| if slope == 0.0 { 0.0 } else { slope.recip().abs() });
+        // The code at which the ray, going farther, leaves this column or row of cells.
+        let mut leave = [0, 1].map(|i| {
+            let half_way = toward[i] * (cell[i] - base[i]) - 0.5;
+            if slope[i] == 0.0 { f64::NEG_INFINITY } else { half_way * codes_per_cell[i] }
+        });
         let mut to = near;
         while to > far {
-            // The code at which the ray, going farther, leaves this column or row of cells.
-            let leave = |i: usize| {
-                if slope[i] == 0.0 {
-                    f64::NEG_INFINITY
-                } else {
-                    (cell[i] - 0.5 * slope[i].signum() - base[i]) * codes_per_cell[i]
-                }
-            };
-            let (leave_x, leave_y) = (leave(0), leave(1));
-            let leaves = leave_x.max(leave_y);
-            let from = if leaves <= far as f64 { far } else { (leaves.round() as usize).clamp(far, to) };
+            let axis = usize::from(leave[1] > leave[0]);
+            let leaves = leave[axis];
+            // The nearest integer, of what is not negative.
+            let from = if leaves <= far as f64 { far } else { ((leaves + 0.5) as usize).clamp(far, to) };
             if from < to {
                 visit(cell, from, to);
                 to = from;
             }
-            let step = if leave_x >= leave_y { 0 } else { 1 };
-            cell[step] -= slope[step].signum();
+            cell[axis] -= toward[axis];
+            leave[axis] -= codes_per_cell[axis];
         }
     }
 }

@@ -162,7 +162,11 @@ pub fn render(
                         occupied,
                         clip: clip.as_ref(),
                     };
-                    segments.trace(&start, &view_sets[views]);
+                    let views = &view_sets[views];
+                    simd.run(
+                        #[inline(always)]
+                        || segments.trace(&start, views),
+                    );
                     sweep::sweep(simd, &packed, segments, tile.origin, missed, color);
                 }
             }

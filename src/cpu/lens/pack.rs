@@ -82,26 +82,24 @@ pub fn images(i: usize, n: usize, pad: usize, extent: usize) -> impl Iterator<It
 pub struct PartialPlanes {
     /// One bit a cell, rows of `stride / 8` bytes.
     pub bits: Vec<u8>,
-    /// These mean something only where there is a half-plane.
+    /// These mean something only where there is a half-plane; they are empty where there is none at all.
     pub normal_x: Buffer<f32>,
     pub normal_y: Buffer<f32>,
     pub cut: Buffer<f32>,
 }
 
 impl PartialPlanes {
-    fn new(sheet: &Sheet, padding: &Padding, present: &Present) -> Option<PartialPlanes> {
-        if sheet.partial.is_empty() {
-            return None;
-        }
+    fn new(sheet: &Sheet, padding: &Padding, present: &Present) -> PartialPlanes {
         let (stride, width) = (padding.stride, padding.width);
         let cells = stride * padding.rows;
-        let mut planes = PartialPlanes {
-            // The sweep reads eight bytes at a time.
-            bits: vec![0; cells / 8 + 8],
-            normal_x: Buffer::unset(cells),
-            normal_y: Buffer::unset(cells),
-            cut: Buffer::unset(cells),
-        };
+        // The sweep reads eight bytes at a time.
+        let bits = vec![0; cells / 8 + 8];
+        let [normal_x, normal_y, cut] =
+            std::array::from_fn(|_| Buffer::unset(if sheet.partial.is_empty() { 0 } else { cells }));
+        let mut planes = PartialPlanes { bits, normal_x, normal_y, cut };
+        if sheet.partial.is_empty() {
+            return planes;
+        }
         let place = |index: usize| sheet.partial.partition_point(|(i, _)| *i < index);
         let rows = (planes.normal_x.par_chunks_mut(stride), planes.normal_y.par_chunks_mut(stride));
         let rows = rows.into_par_iter().zip(planes.cut.par_chunks_mut(stride));
@@ -117,7 +115,7 @@ impl PartialPlanes {
                 }
             }
         });
-        Some(planes)
+        planes
     }
 
     /// How much of a beam one pixel wide, passing cell `i` at `at` from its centre, meets what the cell covers.
@@ -171,7 +169,7 @@ pub struct PackedSheet {
     pub hi: Buffer<u16>,
     /// Colour planes, which mean something only where there is a cell.
     pub color: Vec<Buffer<f32>>,
-    pub partial: Option<PartialPlanes>,
+    pub partial: PartialPlanes,
     present: Present,
 }
 

@@ -1,6 +1,5 @@
 //! Which depths occur where, by small patches of cells, so that the sweep only looks where something is.
 
-use super::lanes::LANES;
 use super::pack::{PackedSheet, Padding};
 use crate::cpu::simd::Simd;
 use rayon::prelude::*;
@@ -8,25 +7,68 @@ use rayon::prelude::*;
 /// Columns and rows of a patch.
 const PATCH: (usize, usize) = (8, 4);
 /// Columns and rows of the part of a tile that is swept with one choice of looks. Parts begin with a patch.
-pub const PART: (usize, usize) = (LANES, 8);
+pub const PART: (usize, usize) = (32, 8);
 /// Codes are told apart by their highest six bits.
 const SHIFT: u32 = 10;
 
-/// For each patch of the padded frame, then each sheet: the depths that occur in a part that begins anywhere in the
-/// patch.
+/// What is known of the cells of one sheet in some place.
+#[derive(Debug, Clone, Copy)]
+struct Entry {
+    /// The depths that occur, to their highest bits.
+    depths: u64,
+    /// Between which codes they lie.
+    least_lo: u16,
+    greatest_hi: u16,
+    /// The codes that every ray meets are those above the greatest `lo` up to the least `hi`. There is none where a cell
+    /// is missing, or covers its pixel in part.
+    greatest_lo: u16,
+    least_hi: u16,
+}
+
+impl Entry {
+    /// No cell at all.
+    const EMPTY: Entry =
+        Entry { depths: 0, least_lo: u16::MAX, greatest_hi: 0, greatest_lo: u16::MAX, least_hi: 0 };
+    /// Of no place: what adds nothing to any other.
+    const NOWHERE: Entry = Entry { greatest_lo: 0, least_hi: u16::MAX, ..Entry::EMPTY };
+
+    #[inline(always)]
+    fn with(self, other: &Entry) -> Entry {
+        Entry {
+            depths: self.depths | other.depths,
+            least_lo: self.least_lo.min(other.least_lo),
+            greatest_hi: self.greatest_hi.max(other.greatest_hi),
+            greatest_lo: self.greatest_lo.max(other.greatest_lo),
+            least_hi: self.least_hi.min(other.least_hi),
+        }
+    }
+}
+
+/// For each patch of the padded frame, then each sheet: the cells of a part that begins anywhere in the patch.
 pub struct Patches {
     across: usize,
     sheets: usize,
-    bits: Vec<u64>,
+    entries: Vec<Entry>,
 }
 
-/// What a look needs of the part that it is for.
+/// What a look at the codes `from .. to` needs of the part that it is for.
 #[derive(Debug, Clone, Copy)]
 pub struct Need {
     /// From the part's own entry to that of the patch and sheet that are looked at.
     entry: i32,
+    from: u16,
+    to: u16,
     /// The depths, one of which has to occur.
     depths: u64,
+}
+
+/// What a look finds.
+#[derive(Debug, Clone, Copy)]
+pub struct Finds {
+    /// A cell for some rays, perhaps.
+    pub any: bool,
+    /// A cell for every ray.
+    pub all: bool,
 }
 
 /// The bits of the codes `first ..= last`.
@@ -35,34 +77,43 @@ fn bits(first: u16, last: u16) -> u64 {
     (u64::MAX << (first >> SHIFT)) & (u64::MAX >> (63 - (last >> SHIFT)))
 }
 
-/// Least and greatest code of a patch's cells; the least is beyond all where it has none.
+/// Least and greatest of the codes of a patch's cells: of `lo`, then of `hi`. Where there is no cell the least `lo` is
+/// beyond all, and the least `hi` 0.
 #[inline(always)]
-fn range(lo: &[u16], hi: &[u16], stride: usize) -> (u16, u16) {
-    let (mut least, mut greatest) = ([u16::MAX; PATCH.0], [0; PATCH.0]);
+fn ranges(lo: &[u16], hi: &[u16], stride: usize) -> [(u16, u16); 2] {
+    let (mut least_lo, mut greatest_lo) = ([u16::MAX; PATCH.0], [0; PATCH.0]);
+    let (mut least_hi, mut greatest_hi) = ([u16::MAX; PATCH.0], [0; PATCH.0]);
     for row in 0..PATCH.1 {
         let (lo, hi) = (&lo[row * stride..][..PATCH.0], &hi[row * stride..][..PATCH.0]);
         for x in 0..PATCH.0 {
             // An empty cell's code of 0 becomes the greatest of all.
-            least[x] = least[x].min(lo[x].wrapping_sub(1));
-            greatest[x] = greatest[x].max(hi[x]);
+            least_lo[x] = least_lo[x].min(lo[x].wrapping_sub(1));
+            greatest_lo[x] = greatest_lo[x].max(lo[x]);
+            least_hi[x] = least_hi[x].min(hi[x]);
+            greatest_hi[x] = greatest_hi[x].max(hi[x]);
         }
     }
-    let least = least.iter().fold(u16::MAX, |m, &v| m.min(v));
-    (least.saturating_add(1), greatest.iter().fold(0, |m, &v| m.max(v)))
+    let least = |of: [u16; PATCH.0]| of.iter().fold(u16::MAX, |m, &v| m.min(v));
+    let greatest = |of: [u16; PATCH.0]| of.iter().fold(0, |m, &v| m.max(v));
+    [(least(least_lo).saturating_add(1), greatest(greatest_lo)), (least(least_hi), greatest(greatest_hi))]
 }
 
-/// The depths that occur in the patch at the beginning of `lo` and `hi`.
+/// The patch at the beginning of `lo`, `hi` and `partial`, whose rows are bytes.
 #[inline(always)]
-fn depths(lo: &[u16], hi: &[u16], stride: usize) -> u64 {
-    let (least, greatest) = range(lo, hi, stride);
-    if greatest == 0 {
-        return 0;
+fn entry(lo: &[u16], hi: &[u16], partial: &[u8], stride: usize) -> Entry {
+    let [(least_lo, greatest_lo), (least_hi, greatest_hi)] = ranges(lo, hi, stride);
+    if greatest_hi == 0 {
+        return Entry::EMPTY;
     }
-    if (greatest >> SHIFT) - (least >> SHIFT) <= 1 {
-        return bits(least, greatest);
-    }
-    let rows = (0..PATCH.1).flat_map(|row| row * stride..row * stride + PATCH.0);
-    rows.filter(|&i| hi[i] > 0).fold(0, |all, i| all | bits(lo[i], hi[i]))
+    let depths = if (greatest_hi >> SHIFT) - (least_lo >> SHIFT) <= 1 {
+        bits(least_lo, greatest_hi)
+    } else {
+        let rows = (0..PATCH.1).flat_map(|row| row * stride..row * stride + PATCH.0);
+        rows.filter(|&i| hi[i] > 0).fold(0, |all, i| all | bits(lo[i], hi[i]))
+    };
+    let is_partial = (0..PATCH.1).fold(0, |any, row| any | partial[row * stride / PATCH.0]) != 0;
+    let (greatest_lo, least_hi) = if is_partial { (u16::MAX, 0) } else { (greatest_lo, least_hi) };
+    Entry { depths, least_lo, greatest_hi, greatest_lo, least_hi }
 }
 
 impl Patches {
@@ -74,39 +125,40 @@ impl Patches {
         let (wide, high) = (PART.0 / PATCH.0 + 1, PART.1 / PATCH.1 + 1);
         let row = across * sheets;
 
-        let mut along = vec![0; row * down];
+        let mut along = vec![Entry::EMPTY; row * down];
         along.par_chunks_mut(row).enumerate().for_each_init(
-            || vec![0; row + wide * sheets],
+            || vec![Entry::EMPTY; row + wide * sheets],
             |own, (y, out)| {
-                own.fill(0);
+                own.fill(Entry::EMPTY);
                 for (k, sheet) in packed.iter().enumerate() {
                     for stretch in sheet.stretches(y * PATCH.1) {
                         let first = y * PATCH.1 * stride + stretch.start;
                         let (lo, hi) = (&sheet.lo[first..], &sheet.hi[first..]);
+                        let partial = &sheet.partial.bits[first / PATCH.0..];
                         let own = &mut own[stretch.start / PATCH.0 * sheets + k..];
                         simd.run(
                             #[inline(always)]
                             || {
                                 for i in 0..stretch.len() / PATCH.0 {
                                     let at = i * PATCH.0;
-                                    own[i * sheets] = depths(&lo[at..], &hi[at..], stride);
+                                    own[i * sheets] = entry(&lo[at..], &hi[at..], &partial[i..], stride);
                                 }
                             },
                         );
                     }
                 }
                 for (i, out) in out.iter_mut().enumerate() {
-                    *out = (0..wide).fold(0, |all, k| all | own[i + k * sheets]);
+                    *out = (0..wide).fold(Entry::NOWHERE, |all, k| all.with(&own[i + k * sheets]));
                 }
             },
         );
-        let mut bits = vec![0; row * down];
-        bits.par_chunks_mut(row).enumerate().for_each(|(y, out)| {
+        let mut entries = vec![Entry::NOWHERE; row * down];
+        entries.par_chunks_mut(row).enumerate().for_each(|(y, out)| {
             for y in y..(y + high).min(down) {
-                out.iter_mut().zip(&along[y * row..]).for_each(|(out, along)| *out |= along);
+                out.iter_mut().zip(&along[y * row..]).for_each(|(out, along)| *out = out.with(along));
             }
         });
-        Patches { across, sheets, bits }
+        Patches { across, sheets, entries }
     }
 
     /// The entry of the part whose first cell is `(x, y)` of the padded frame.
@@ -118,12 +170,16 @@ impl Patches {
     pub fn need(&self, cell: [i32; 2], sheet: usize, from: u16, to: u16) -> Need {
         let [x, y] = [cell[0].div_euclid(PATCH.0 as i32), cell[1].div_euclid(PATCH.1 as i32)];
         let entry = (y * self.across as i32 + x) * self.sheets as i32 + sheet as i32;
-        Need { entry, depths: bits(from, to - 1) }
+        Need { entry, from, to, depths: bits(from, to - 1) }
     }
 
-    /// Whether the part of an entry may have what is needed.
+    /// What a look finds for the part of an entry.
     #[inline(always)]
-    pub fn may_have(&self, entry: usize, need: &Need) -> bool {
-        self.bits[entry.wrapping_add_signed(need.entry as isize)] & need.depths != 0
+    pub fn finds(&self, entry: usize, need: &Need) -> Finds {
+        let there = &self.entries[entry.wrapping_add_signed(need.entry as isize)];
+        // No branches: which of these fails cannot be foreseen.
+        let any =
+            (there.depths & need.depths != 0) & (there.greatest_hi >= need.from) & (there.least_lo < need.to);
+        Finds { any, all: any & (there.least_hi >= need.from) & (there.greatest_lo < need.to) }
     }
 }

@@ -6,15 +6,17 @@
 
 use super::barrel::{Clip, Seen};
 use super::blocks::{BLOCK, DepthBits, any_bin};
-use super::lanes::{HalfPlaneRow, LANES, Lanes, Portable, Ray};
+use super::lanes::{HalfPlaneRow, Lanes, Portable, Ray};
 use super::line::Line;
-use super::pack::{Packed, TILE};
+use super::pack::{Packed, PackedSheet, PartialPlanes, TILE};
 use super::patches::{Need, PART, Patches};
 use crate::cpu::simd::Simd;
 use crate::views::View;
 
 /// Rows of a tile swept together.
 const ROWS: usize = 2;
+/// The most cells of a row that a face handles at once.
+const MOST: usize = PART.0;
 
 /// A stretch of depth over which a view's rays stay at one offset.
 #[derive(Debug, Clone, Copy, Default)]
@@ -25,25 +27,33 @@ struct Segment {
     from: u16,
     to: u16,
     sheet: u32,
-    /// Which of the tile's rays.
-    ray: u32,
+    /// Its own number.
+    number: u32,
+}
+
+/// A segment of a ray.
+#[derive(Debug, Clone, Copy)]
+struct Traced {
+    segment: Segment,
+    /// What makes it worth while to look at it.
+    need: Need,
+    ray: Ray,
 }
 
 /// The segments of all views over one tile.
 #[derive(Default)]
 pub struct Segments {
-    segments: Vec<Segment>,
-    /// What makes it worth while to look at each.
-    needs: Vec<Need>,
-    rays: Vec<Ray>,
+    traced: Vec<Traced>,
     /// End of each view's segments.
     ends: Vec<u32>,
     /// For each view, the pixels of each row of the tile that see it; empty where all see all.
     seen: Vec<Seen>,
-    /// The segments that the part at hand has to look at.
+    /// Where every ray of the part at hand meets the nearest cell, for the views of which that is known.
+    met: Vec<Segment>,
+    /// What the part at hand looks at to find that out for the others.
     looks: Vec<Segment>,
-    /// End of each view's looks.
-    look_ends: Vec<u32>,
+    /// Their numbers, and the ends of their looks.
+    unknown: Vec<(u32, u32)>,
 }
 
 /// Runs of set bits, as `first .. end`.
@@ -71,6 +81,7 @@ pub struct Start<'a> {
 
 impl Start<'_> {
     /// The depths of each sheet that occur where the tile lies when it is moved by `cell`.
+    #[inline(always)]
     fn depths_at(&self, cell: [f64; 2]) -> &[DepthBits] {
         let (pad, blocks) = (self.packed.padding.pad as i64, &self.packed.blocks);
         let block = |origin: usize, cell: f64| (origin as i64 + pad + cell as i64) as usize / BLOCK;
@@ -88,7 +99,7 @@ impl Segments {
         self.seen.iter().filter(|rows| rows[y] >> x & 1 != 0).count()
     }
 
-    /// Which of the `LANES` x `ROWS` pixels from `(x, y)` see view number `view`.
+    /// Which of the pixels of `ROWS` rows from `(x, y)` on see view number `view`.
     #[inline(always)]
     fn waiting(&self, view: usize, (x, y): (usize, usize)) -> [u32; ROWS] {
         match self.seen.get(view) {
@@ -99,29 +110,41 @@ impl Segments {
 
     /// Chooses the looks of the part of the tile that begins at `place` of the padded frame.
     fn choose(&mut self, patches: &Patches, place: (usize, usize)) {
-        let Segments { segments, needs, ends, looks, look_ends, .. } = self;
+        let Segments { traced, ends, met, looks, unknown, seen } = self;
         let entry = patches.entry(place);
         // Room for all, so that to keep one is to count it.
-        if looks.len() < segments.len() {
-            looks.resize(segments.len(), Segment::default());
+        if looks.len() < traced.len() {
+            looks.resize(traced.len(), Segment::default());
         }
-        look_ends.clear();
+        met.clear();
+        unknown.clear();
         let (mut start, mut n) = (0, 0);
-        for &end in ends.iter() {
-            for (segment, need) in segments[start..end as usize].iter().zip(&needs[start..end as usize]) {
+        for (view, &end) in ends.iter().enumerate() {
+            let (first, mut all) = (n, false);
+            for Traced { segment, need, .. } in &traced[start..end as usize] {
+                let finds = patches.finds(entry, need);
                 looks[n] = *segment;
-                n += usize::from(patches.may_have(entry, need));
+                n += usize::from(finds.any);
+                if finds.all {
+                    // Whatever lies behind is hidden.
+                    all = true;
+                    break;
+                }
             }
             start = end as usize;
-            look_ends.push(n as u32);
+            if all && n == first + 1 && seen.is_empty() {
+                met.push(looks[first]);
+                n = first;
+            } else {
+                unknown.push((view as u32, n as u32));
+            }
         }
     }
 
     /// Follows every view through the depths that occur, near to far.
+    #[inline(always)]
     pub fn trace(&mut self, start: &Start, views: &[View]) {
-        self.segments.clear();
-        self.needs.clear();
-        self.rays.clear();
+        self.traced.clear();
         self.ends.clear();
         self.seen.clear();
         let runs = runs(start.occupied);
@@ -142,25 +165,28 @@ impl Segments {
                     self.trace_run(start, view.behind, view.start, focus, far);
                 }
             }
-            self.ends.push(self.segments.len() as u32);
+            self.ends.push(self.traced.len() as u32);
         }
     }
 
     /// The segments of a ray from `ray_start` and through lens point `lens`, between two depths.
+    #[inline(always)]
     fn trace_run(&mut self, start: &Start, lens: [f64; 2], ray_start: [f64; 2], near: usize, far: usize) {
         let Start { packed, s_focus, .. } = *start;
         let line = Line::new(&packed.codes, s_focus, lens, ray_start);
         line.follow(near, far, |cell, from, to| {
-            let place = cell.map(|v| v as i32);
-            let offset = place[1] * packed.padding.stride as i32 + place[0];
-            let [bx, by] = line.base_from(cell);
-            let ray = Ray { ax: line.slope[0] as f32, bx, ay: line.slope[1] as f32, by };
             for (sheet, bits) in start.depths_at(cell).iter().enumerate() {
                 if any_bin(bits, from >> 8, (to - 1) >> 8) {
-                    let (from, to, ray_number) = (from as u16, to as u16, self.rays.len() as u32);
-                    self.needs.push(packed.patches.need(place, sheet, from, to));
-                    self.segments.push(Segment { offset, from, to, sheet: sheet as u32, ray: ray_number });
-                    self.rays.push(ray);
+                    let place = cell.map(|v| v as i32);
+                    let offset = place[1] * packed.padding.stride as i32 + place[0];
+                    let [bx, by] = line.base_from(cell);
+                    let (from, to, sheet_number) = (from as u16, to as u16, sheet as u32);
+                    let number = self.traced.len() as u32;
+                    self.traced.push(Traced {
+                        segment: Segment { offset, from, to, sheet: sheet_number, number },
+                        need: packed.patches.need(place, sheet, from, to),
+                        ray: Ray { ax: line.slope[0] as f32, bx, ay: line.slope[1] as f32, by },
+                    });
                 }
             }
         });
@@ -193,7 +219,59 @@ impl TileColor {
     }
 }
 
-/// Sweeps `LANES` x `ROWS` pixels whose first is at `at_tile` in the tile and at `base` in the padded frame, adding up
+/// A sheet as it is swept.
+struct Planes<'a, const C: usize> {
+    lo: *const u16,
+    hi: *const u16,
+    color: [*const f32; C],
+    partial: &'a PartialPlanes,
+}
+
+impl<const C: usize> Planes<'_, C> {
+    fn of(sheet: &PackedSheet) -> Planes<'_, C> {
+        let color = std::array::from_fn(|c| sheet.color[c].as_ptr());
+        Planes { lo: sheet.lo.as_ptr(), hi: sheet.hi.as_ptr(), color, partial: &sheet.partial }
+    }
+
+    /// Which of a row of cells, from `at` on, cover their pixel in part.
+    ///
+    /// # Safety
+    ///
+    /// The cells lie inside the padded arrays.
+    #[inline(always)]
+    unsafe fn partial(&self, at: usize) -> u32 {
+        // SAFETY: per the function's contract; there are some bytes more than cells.
+        let word = unsafe { self.partial.bits.as_ptr().add(at / 8).cast::<u64>().read_unaligned() };
+        (u64::from_le(word) >> (at % 8)) as u32
+    }
+
+    /// Those of some cells, in a row from `at` on, that a ray meets where they cover their pixel.
+    ///
+    /// # Safety
+    ///
+    /// The instructions of `L` have been detected, and the cells lie inside the padded arrays.
+    #[inline(always)]
+    unsafe fn covering<L: Lanes>(&self, cells: L::Mask, at: usize, ray: Ray) -> L::Mask {
+        let PartialPlanes { normal_x, normal_y, cut, .. } = self.partial;
+        // SAFETY: per the function's contract.
+        unsafe {
+            let doubtful = self.partial(at) & L::bits(cells);
+            if doubtful == 0 {
+                return cells;
+            }
+            let row = HalfPlaneRow {
+                normal_x: normal_x.as_ptr().add(at),
+                normal_y: normal_y.as_ptr().add(at),
+                cut: cut.as_ptr().add(at),
+                code: self.lo.add(at),
+                ray,
+            };
+            L::without(cells, L::mask(doubtful & !L::covered(&row)))
+        }
+    }
+}
+
+/// Sweeps `CELLS` x `ROWS` pixels whose first is at `at_tile` in the tile and at `base` in the padded frame, adding up
 /// every view.
 ///
 /// # Safety
@@ -201,69 +279,67 @@ impl TileColor {
 /// The instructions of `L` have been detected, and every segment's cells lie inside the padded arrays.
 #[inline(always)]
 unsafe fn sweep_rows<L: Lanes, const C: usize>(
-    packed: &Packed,
+    sheets: &[Planes<C>],
+    stride: usize,
     segments: &Segments,
     at_tile: (usize, usize),
     base: usize,
-    sums: &mut [[[f32; LANES]; C]; ROWS],
-    missed: &mut [[u16; LANES]; ROWS],
+    sums: &mut [[[f32; MOST]; C]; ROWS],
+    missed: &mut [[u16; MOST]; ROWS],
 ) {
-    let stride = packed.padding.stride;
     // SAFETY: per the function's contract.
     unsafe {
         let mut sum = [[L::zero(); C]; ROWS];
+        for met in &segments.met {
+            let sheet = sheets.get_unchecked(met.sheet as usize);
+            let first = base.wrapping_add_signed(met.offset as isize);
+            for row in 0..ROWS {
+                for c in 0..C {
+                    L::add_all(&mut sum[row][c], sheet.color[c].add(first + row * stride));
+                }
+            }
+        }
         let mut start = 0;
-        for (view, &end) in segments.look_ends.iter().enumerate() {
-            let end = end as usize;
-            let mut waiting = segments.waiting(view, at_tile);
-            for look in &segments.looks[start..end] {
-                let sheet = &packed.sheets[look.sheet as usize];
+        for &(view, end) in &segments.unknown {
+            let seen = segments.waiting(view as usize, at_tile);
+            let mut waiting = [L::mask(seen[0]), L::mask(seen[1])];
+            for look in segments.looks.get_unchecked(start..end as usize) {
+                let sheet = sheets.get_unchecked(look.sheet as usize);
                 let first = base.wrapping_add_signed(look.offset as isize);
-                let mut hits = [0u32; ROWS];
+                let mut hits = waiting;
                 for row in 0..ROWS {
                     let at = first + row * stride;
-                    hits[row] = waiting[row]
-                        & L::hits(sheet.lo.as_ptr().add(at), sheet.hi.as_ptr().add(at), look.from, look.to);
+                    hits[row] = L::hits(waiting[row], sheet.lo.add(at), sheet.hi.add(at), look.from, look.to);
                 }
-                if hits.iter().all(|&h| h == 0) {
+                let any = L::bits(L::union(hits[0], hits[1]));
+                if any == 0 {
                     continue;
                 }
-                if let Some(partial) = &sheet.partial {
+                if (sheet.partial(first) | sheet.partial(first + stride)) & any != 0 {
+                    let ray = segments.traced[look.number as usize].ray;
                     for row in 0..ROWS {
-                        let at = first + row * stride;
-                        let word = partial.bits.as_ptr().add(at / 8).cast::<u64>().read_unaligned();
-                        let doubtful = (u64::from_le(word) >> (at % 8)) as u32 & hits[row];
-                        if doubtful != 0 {
-                            let covered = L::covered(&HalfPlaneRow {
-                                normal_x: partial.normal_x.as_ptr().add(at),
-                                normal_y: partial.normal_y.as_ptr().add(at),
-                                cut: partial.cut.as_ptr().add(at),
-                                code: sheet.lo.as_ptr().add(at),
-                                ray: segments.rays[look.ray as usize],
-                            });
-                            hits[row] &= !doubtful | covered;
-                        }
+                        hits[row] = sheet.covering::<L>(hits[row], first + row * stride, ray);
                     }
                 }
                 for row in 0..ROWS {
-                    let at = first + row * stride;
                     for c in 0..C {
-                        L::add(&mut sum[row][c], sheet.color[c].as_ptr().add(at), hits[row]);
+                        let color = sheet.color[c].add(first + row * stride);
+                        L::add(&mut sum[row][c], color, hits[row]);
                     }
-                    waiting[row] &= !hits[row];
+                    waiting[row] = L::without(waiting[row], hits[row]);
                 }
-                if waiting.iter().all(|&w| w == 0) {
+                if L::bits(L::union(waiting[0], waiting[1])) == 0 {
                     break;
                 }
             }
             for row in 0..ROWS {
-                let mut left = waiting[row];
+                let mut left = L::bits(waiting[row]);
                 while left != 0 {
                     missed[row][left.trailing_zeros() as usize] += 1;
                     left &= left - 1;
                 }
             }
-            start = end;
+            start = end as usize;
         }
         for row in 0..ROWS {
             for c in 0..C {
@@ -286,17 +362,21 @@ unsafe fn sweep_tile<L: Lanes, const C: usize>(
     missed_rule: Missed,
     out: &mut TileColor,
 ) {
+    let sheets: Vec<Planes<C>> = packed.sheets.iter().map(Planes::of).collect();
+    let stride = packed.padding.stride;
     for (x, part_y) in parts() {
         let place = (origin.0 + packed.padding.pad + x, origin.1 + packed.padding.pad + part_y);
         segments.choose(&packed.patches, place);
-        for y in (part_y..part_y + PART.1).step_by(ROWS) {
+        let columns = || (x..x + PART.0).step_by(L::CELLS);
+        let rows = (part_y..part_y + PART.1).step_by(ROWS);
+        for (x, y) in rows.flat_map(|y| columns().map(move |x| (x, y))) {
             let base = packed.padding.index(origin.0 + x, origin.1 + y);
-            let mut sums = [[[0.0; LANES]; C]; ROWS];
-            let mut missed = [[0u16; LANES]; ROWS];
+            let mut sums = [[[0.0; MOST]; C]; ROWS];
+            let mut missed = [[0u16; MOST]; ROWS];
             // SAFETY: per the function's contract.
-            unsafe { sweep_rows::<L, C>(packed, segments, (x, y), base, &mut sums, &mut missed) };
+            unsafe { sweep_rows::<L, C>(&sheets, stride, segments, (x, y), base, &mut sums, &mut missed) };
             for row in 0..ROWS {
-                for lane in 0..LANES {
+                for lane in 0..L::CELLS {
                     let views = segments.seen_from(x + lane, y + row) as f32;
                     let met = match missed_rule {
                         Missed::Nothing => views,
@@ -308,7 +388,7 @@ unsafe fn sweep_tile<L: Lanes, const C: usize>(
                         out.planes[c][at] = if met > 0.0 {
                             sums[row][c][lane] / met
                         } else {
-                            packed.sheets[0].color[c][base + row * packed.padding.stride + lane]
+                            packed.sheets[0].color[c][base + row * stride + lane]
                         };
                     }
                 }
