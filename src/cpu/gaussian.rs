@@ -5,7 +5,7 @@ use super::rows::{interleave, mix, render_bands, with_channels};
 use super::simd::Simd;
 use crate::cancel::Cancel;
 use crate::error::Result;
-use crate::memory;
+use crate::memory::Buffer;
 use crate::optics::Optics;
 use crate::picture::{Layer, Size};
 use crate::plan::gaussian::{Plan, REACH, Settings};
@@ -33,7 +33,7 @@ pub fn render(
     // Rows of the half-size copy, blurred along x: one line for each weighted colour and one for the weights.
     let used = input.used();
     let length = used.next_multiple_of(ROW_BLOCK);
-    let mut across: Vec<f32> = memory::zeros(length * input.half.1);
+    let mut across = Buffer::unset(length * input.half.1);
     across.par_chunks_mut(BAND * length).enumerate().try_for_each_init(
         || Halved::new(&input),
         |halved, (band, out)| {
@@ -217,8 +217,8 @@ fn blur_x<const C: usize>(plan: &Plan, halved: &Halved, out: &mut [f32]) {
 
 /// The half-size copy blurred along x.
 struct Across {
-    values: Vec<f32>,
-    /// Values of a row, whole blocks.
+    values: Buffer<f32>,
+    /// Values of a row, whole blocks, of which those beyond its lines mean nothing.
     length: usize,
     rows: usize,
 }

@@ -6,6 +6,7 @@ use super::rows::{render_rows, with_channels};
 use super::simd::Simd;
 use crate::cancel::Cancel;
 use crate::error::Result;
+use crate::memory::Buffer;
 use crate::optics::Optics;
 use crate::picture::{Layer, Size};
 use crate::plan::levels::{KEPT, Plan, STEPS, Settings};
@@ -25,15 +26,16 @@ pub fn render(
 
     let small =
         Size { width: size.width.div_ceil(plan.scale), height: size.height.div_ceil(plan.scale), ..size };
-    let mut last = reduce(&layer.color, size, small, plan.scale, simd);
-    let mut half_way = Vec::new();
-    for step in 1..=STEPS {
-        cancel.check()?;
-        last = filter(&last, small, plan.weights, simd);
-        if step == KEPT {
-            half_way.clone_from(&last);
+    let blurred = |planes: &[f32], steps: usize| -> Result<Buffer<f32>> {
+        let mut planes = filter(planes, small, plan.weights, simd);
+        for _ in 1..steps {
+            cancel.check()?;
+            planes = filter(&planes, small, plan.weights, simd);
         }
-    }
+        Ok(planes)
+    };
+    let half_way = blurred(&reduce(&layer.color, size, small, plan.scale, simd), KEPT)?;
+    let last = blurred(&half_way, STEPS - KEPT)?;
     let scratch = || Scratch::new(size, small, plan.scale);
     with_channels!(size.channels, C => {
         render_rows(out, size, cancel, scratch, |scratch, y, out| {
@@ -61,8 +63,8 @@ fn levels(plan: &Plan, optics: &Optics, disparity: &[f32], out: &mut [f32]) {
 }
 
 /// Planes of the means of blocks; beyond the border lies the picture's mirror image.
-fn reduce(color: &[f32], size: Size, small: Size, scale: usize, simd: Simd) -> Vec<f32> {
-    let mut out = vec![0.0f32; small.pixels() * small.channels];
+fn reduce(color: &[f32], size: Size, small: Size, scale: usize, simd: Simd) -> Buffer<f32> {
+    let mut out = Buffer::unset(small.pixels() * small.channels);
     out.par_chunks_mut(small.width).enumerate().for_each_init(
         || vec![0.0f32; small.width * scale],
         |sums, (i, out)| {
@@ -96,8 +98,8 @@ fn accumulate(row: &[f32], sums: &mut [f32]) {
 }
 
 /// One filter step along both axes of all planes.
-fn filter(planes: &[f32], size: Size, weights: [f32; 3], simd: Simd) -> Vec<f32> {
-    let mut out = vec![0.0f32; planes.len()];
+fn filter(planes: &[f32], size: Size, weights: [f32; 3], simd: Simd) -> Buffer<f32> {
+    let mut out = Buffer::unset(planes.len());
     out.par_chunks_mut(size.width).enumerate().for_each_init(
         || vec![0.0f32; size.width + 4],
         |column, (i, out)| {
