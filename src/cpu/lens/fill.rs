@@ -203,21 +203,36 @@ impl Surroundings<'_> {
     }
 }
 
+/// The shift that most hits, the nearest ones above all, agree on.
+fn surface_of(hits: &[Hit]) -> Option<f32> {
+    // Beside those that there are, some that agree with nothing, so that all are asked together.
+    let (mut s, mut weight, mut votes) = ([f32::NAN; DIRECTIONS], [0.0; DIRECTIONS], [0.0f32; DIRECTIONS]);
+    for (i, h) in hits.iter().enumerate() {
+        (s[i], weight[i]) = (h.s, 1.0 / (h.distance * h.distance));
+    }
+    for (other, weight) in s.iter().zip(weight).take(hits.len()) {
+        for (votes, s) in votes.iter_mut().zip(s) {
+            *votes += if (other - s).abs() < CONNECTED_PX { weight } else { 0.0 };
+        }
+    }
+    let found = votes.into_iter().zip(s).take(hits.len());
+    found.reduce(|a, b| if b.0 > a.0 { b } else { a }).map(|(_, s)| s)
+}
+
 /// One hidden pixel out of what was found around it.
 fn merge(index: usize, s_start: f32, hits: &[Hit]) -> Option<Hidden> {
-    // The surface that most hits, the nearest ones above all, agree on.
-    let votes = |s: f32| -> f32 {
-        let same = hits.iter().filter(|h| (h.s - s).abs() < CONNECTED_PX);
-        same.map(|h| 1.0 / (h.distance * h.distance)).sum()
-    };
-    let surface = hits.iter().map(|h| (votes(h.s), h.s)).reduce(|a, b| if b.0 > a.0 { b } else { a })?.1;
+    let surface = surface_of(hits)?;
     let on_surface = |h: &&Hit| (h.s - surface).abs() < SAME_SURFACE_PX;
 
     // A highlight that one look happens to meet must not be smeared over the whole hidden region.
     let brightness = |h: &Hit| h.color.iter().sum::<f32>();
-    let mut sorted: Vec<f32> = hits.iter().filter(on_surface).map(brightness).collect();
-    sorted.sort_by(f32::total_cmp);
-    let limit = 4.0 * sorted[sorted.len() / 2].max(f32::MIN_POSITIVE);
+    let (mut all, mut n) = ([0.0; DIRECTIONS], 0);
+    for h in hits.iter().filter(on_surface) {
+        all[n] = brightness(h);
+        n += 1;
+    }
+    let (_, median, _) = all[..n].select_nth_unstable_by(n / 2, f32::total_cmp);
+    let limit = 4.0 * median.max(f32::MIN_POSITIVE);
     let kept = hits.iter().filter(on_surface).filter(|h| brightness(h) <= limit);
 
     let (mut weight, mut s, mut color) = (0.0, 0.0, [0.0; 4]);

@@ -43,6 +43,8 @@ pub unsafe trait Lanes {
     unsafe fn mask(bits: u32) -> Self::Mask;
     /// The bits of some cells.
     unsafe fn bits(cells: Self::Mask) -> u32;
+    /// Whether there is none.
+    unsafe fn is_none(cells: Self::Mask) -> bool;
     /// The cells of both.
     unsafe fn union(a: Self::Mask, b: Self::Mask) -> Self::Mask;
     /// The cells of `a` that are not in `b`.
@@ -70,6 +72,11 @@ macro_rules! bit_masks {
         #[inline(always)]
         unsafe fn bits(cells: u32) -> u32 {
             cells
+        }
+
+        #[inline(always)]
+        unsafe fn is_none(cells: u32) -> bool {
+            cells == 0
         }
 
         #[inline(always)]
@@ -285,6 +292,12 @@ mod x86 {
                 let (low, high) = (_mm256_castsi256_si128(cells), _mm256_extracti128_si256::<1>(cells));
                 _mm_movemask_epi8(_mm_packs_epi16(low, high)).cast_unsigned()
             }
+        }
+
+        #[inline(always)]
+        unsafe fn is_none(cells: __m256i) -> bool {
+            // SAFETY: the caller has detected the instructions.
+            unsafe { _mm256_testz_si256(cells, cells) != 0 }
         }
 
         #[inline(always)]

@@ -99,13 +99,10 @@ impl Segments {
         self.seen.iter().filter(|rows| rows[y] >> x & 1 != 0).count()
     }
 
-    /// Which of the pixels of `ROWS` rows from `(x, y)` on see view number `view`.
+    /// Which of the pixels of `ROWS` rows from `(x, y)` on see view number `view`, if not all see all.
     #[inline(always)]
-    fn waiting(&self, view: usize, (x, y): (usize, usize)) -> [u32; ROWS] {
-        match self.seen.get(view) {
-            None => [u32::MAX; ROWS],
-            Some(rows) => std::array::from_fn(|row| (rows[y + row] >> x) as u32),
-        }
+    fn seen_by(&self, view: usize, (x, y): (usize, usize)) -> [u32; ROWS] {
+        std::array::from_fn(|row| (self.seen[view][y + row] >> x) as u32)
     }
 
     /// Chooses the looks of the part of the tile that begins at `place` of the padded frame.
@@ -276,7 +273,8 @@ impl<const C: usize> Planes<'_, C> {
 ///
 /// # Safety
 ///
-/// The instructions of `L` have been detected, and every segment's cells lie inside the padded arrays.
+/// The instructions of `L` have been detected, looks have been chosen, and every segment's cells lie inside the padded
+/// arrays.
 #[inline(always)]
 unsafe fn sweep_rows<L: Lanes, const C: usize>(
     sheets: &[Planes<C>],
@@ -299,11 +297,17 @@ unsafe fn sweep_rows<L: Lanes, const C: usize>(
                 }
             }
         }
+        let everywhere = L::mask(u32::MAX);
         let mut start = 0;
-        for &(view, end) in &segments.unknown {
-            let seen = segments.waiting(view as usize, at_tile);
-            let mut waiting = [L::mask(seen[0]), L::mask(seen[1])];
-            for look in segments.looks.get_unchecked(start..end as usize) {
+        'views: for &(view, end) in &segments.unknown {
+            let looks = segments.looks.get_unchecked(start..end as usize);
+            start = end as usize;
+            let mut waiting = [everywhere; ROWS];
+            if !segments.seen.is_empty() {
+                let seen = segments.seen_by(view as usize, at_tile);
+                waiting = [L::mask(seen[0]), L::mask(seen[1])];
+            }
+            for look in looks {
                 let sheet = sheets.get_unchecked(look.sheet as usize);
                 let first = base.wrapping_add_signed(look.offset as isize);
                 let mut hits = waiting;
@@ -316,7 +320,7 @@ unsafe fn sweep_rows<L: Lanes, const C: usize>(
                     continue;
                 }
                 if (sheet.partial(first) | sheet.partial(first + stride)) & any != 0 {
-                    let ray = segments.traced[look.number as usize].ray;
+                    let ray = segments.traced.get_unchecked(look.number as usize).ray;
                     for row in 0..ROWS {
                         hits[row] = sheet.covering::<L>(hits[row], first + row * stride, ray);
                     }
@@ -328,8 +332,8 @@ unsafe fn sweep_rows<L: Lanes, const C: usize>(
                     }
                     waiting[row] = L::without(waiting[row], hits[row]);
                 }
-                if L::bits(L::union(waiting[0], waiting[1])) == 0 {
-                    break;
+                if L::is_none(L::union(waiting[0], waiting[1])) {
+                    continue 'views;
                 }
             }
             for row in 0..ROWS {
@@ -339,7 +343,6 @@ unsafe fn sweep_rows<L: Lanes, const C: usize>(
                     left &= left - 1;
                 }
             }
-            start = end as usize;
         }
         for row in 0..ROWS {
             for c in 0..C {
