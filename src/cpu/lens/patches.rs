@@ -183,3 +183,42 @@ impl Patches {
         Finds { any, all: any & (there.least_hi >= need.from) & (there.greatest_lo < need.to) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CELLS: usize = PATCH.0 * PATCH.1;
+
+    /// What looks at all codes, at few, and at others find in a patch, alone.
+    fn finds(lo: [u16; CELLS], hi: [u16; CELLS], partial: u8) -> [(bool, bool); 3] {
+        let entry = entry(&lo, &hi, &[0, partial, 0, 0], PATCH.0);
+        let patches = Patches { across: 1, sheets: 1, entries: vec![entry] };
+        [(1, u16::MAX), (5000, 5001), (6000, 7000)].map(|(from, to)| {
+            let found = patches.finds(0, &patches.need([0, 0], 0, from, to));
+            (found.any, found.all)
+        })
+    }
+
+    #[test]
+    fn all_is_found_where_every_cell_is_met_and_covers_its_pixel() {
+        let (lo, hi) = ([5000; CELLS], [5002; CELLS]);
+        assert_eq!(finds(lo, hi, 0), [(true, true), (true, true), (false, false)]);
+        // A cell that covers its pixel in part.
+        assert_eq!(finds(lo, hi, 1 << 3), [(true, false), (true, false), (false, false)]);
+        // One that is missing.
+        let without = |mut codes: [u16; CELLS]| {
+            codes[9] = 0;
+            codes
+        };
+        assert_eq!(finds(without(lo), without(hi), 0), [(true, false), (true, false), (false, false)]);
+        // One at another depth.
+        let with = |mut codes: [u16; CELLS]| {
+            codes[30] = 6500;
+            codes
+        };
+        assert_eq!(finds(with(lo), with(hi), 0), [(true, true), (true, false), (true, false)]);
+        // None at all.
+        assert_eq!(finds([0; CELLS], [0; CELLS], 0), [(false, false); 3]);
+    }
+}
