@@ -27,6 +27,7 @@ pub fn render(
     let small =
         Size { width: size.width.div_ceil(plan.scale), height: size.height.div_ceil(plan.scale), ..size };
     let blurred = |planes: &[f32], steps: usize| -> Result<Buffer<f32>> {
+        cancel.check()?;
         let mut planes = filter(planes, small, plan.weights, simd);
         for _ in 1..steps {
             cancel.check()?;

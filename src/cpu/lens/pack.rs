@@ -97,9 +97,6 @@ impl PartialPlanes {
         let [normal_x, normal_y, cut] =
             std::array::from_fn(|_| Buffer::unset(if sheet.partial.is_empty() { 0 } else { cells }));
         let mut planes = PartialPlanes { bits, normal_x, normal_y, cut };
-        if sheet.partial.is_empty() {
-            return planes;
-        }
         let place = |index: usize| sheet.partial.partition_point(|(i, _)| *i < index);
         let rows = (planes.normal_x.par_chunks_mut(stride), planes.normal_y.par_chunks_mut(stride));
         let rows = rows.into_par_iter().zip(planes.cut.par_chunks_mut(stride));
