@@ -17,24 +17,26 @@ impl Line {
     }
 
     /// From a cell to the place where the ray would be at code 0.
-    pub fn base_from(&self, cell: [f64; 2]) -> [f32; 2] {
-        [0, 1].map(|i| (self.base[i] - cell[i]) as f32)
+    #[inline(always)]
+    pub fn base_from(&self, cell: [i32; 2]) -> [f32; 2] {
+        [0, 1].map(|i| (self.base[i] - f64::from(cell[i])) as f32)
     }
 
     /// Calls `visit(cell, from, to)` for every cell that the ray passes between codes `near` and `far`, near to far:
     /// that at this offset from the start, over the codes `from .. to`.
     #[inline(always)]
-    pub fn follow(&self, near: usize, far: usize, mut visit: impl FnMut([f64; 2], usize, usize)) {
+    pub fn follow(&self, near: usize, far: usize, mut visit: impl FnMut([i32; 2], usize, usize)) {
         let Line { slope, base } = *self;
-        let mut cell = [0, 1].map(|i| (base[i] + slope[i] * near as f64).round());
+        let first = [0, 1].map(|i| (base[i] + slope[i] * near as f64).round());
         let toward = slope.map(f64::signum);
         // The codes of a column or row of cells; a ray that never leaves its own does so beyond all codes.
         let codes_per_cell = slope.map(|slope| if slope == 0.0 { 0.0 } else { slope.recip().abs() });
         // The code at which the ray, going farther, leaves this column or row of cells.
         let mut leave = [0, 1].map(|i| {
-            let half_way = toward[i] * (cell[i] - base[i]) - 0.5;
+            let half_way = toward[i] * (first[i] - base[i]) - 0.5;
             if slope[i] == 0.0 { f64::NEG_INFINITY } else { half_way * codes_per_cell[i] }
         });
+        let (mut cell, step) = (first.map(|v| v as i32), toward.map(|v| v as i32));
         let mut to = near;
         while to > far {
             let axis = usize::from(leave[1] > leave[0]);
@@ -45,7 +47,7 @@ impl Line {
                 visit(cell, from, to);
                 to = from;
             }
-            cell[axis] -= toward[axis];
+            cell[axis] -= step[axis];
             leave[axis] -= codes_per_cell[axis];
         }
     }
@@ -78,7 +80,7 @@ mod tests {
                 let rounding = line.slope.map(|slope| 0.5 * slope.abs());
                 for code in [from, to] {
                     for i in 0..2 {
-                        let off = line.base[i] + line.slope[i] * code as f64 - cell[i];
+                        let off = line.base[i] + line.slope[i] * code as f64 - f64::from(cell[i]);
                         farthest_off = farthest_off.max(off.abs() - rounding[i]);
                     }
                 }

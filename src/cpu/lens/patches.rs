@@ -167,6 +167,7 @@ impl Patches {
     }
 
     /// What looking at the codes `from .. to` of a sheet needs, for the cells that lie `cell` away.
+    #[inline(always)]
     pub fn need(&self, cell: [i32; 2], sheet: usize, from: u16, to: u16) -> Need {
         let [x, y] = [cell[0].div_euclid(PATCH.0 as i32), cell[1].div_euclid(PATCH.1 as i32)];
         let entry = (y * self.across as i32 + x) * self.sheets as i32 + sheet as i32;

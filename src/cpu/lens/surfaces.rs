@@ -94,9 +94,9 @@ fn broken_links(s: &[f32], width: usize, height: usize, y: usize) -> Vec<(usize,
 }
 
 /// The largest distance told apart by [`distance_to_edges`].
-const FAR_PX: u8 = 16;
+const FAR_PX: u8 = 48;
 /// Rows whose distances are found together.
-const BAND: usize = 64;
+const BAND: usize = 96;
 
 /// Chessboard distance in pixels to the nearest edge pixel, up to [`FAR_PX`].
 pub fn distance_to_edges(links: &[u8], width: usize) -> Vec<u8> {

@@ -82,9 +82,9 @@ pub struct Start<'a> {
 impl Start<'_> {
     /// The depths of each sheet that occur where the tile lies when it is moved by `cell`.
     #[inline(always)]
-    fn depths_at(&self, cell: [f64; 2]) -> &[DepthBits] {
-        let (pad, blocks) = (self.packed.padding.pad as i64, &self.packed.blocks);
-        let block = |origin: usize, cell: f64| (origin as i64 + pad + cell as i64) as usize / BLOCK;
+    fn depths_at(&self, cell: [i32; 2]) -> &[DepthBits] {
+        let (pad, blocks) = (self.packed.padding.pad, &self.packed.blocks);
+        let block = |origin: usize, cell: i32| (origin + pad).wrapping_add_signed(cell as isize) / BLOCK;
         let b = block(self.origin.1, cell[1]) * blocks.across + block(self.origin.0, cell[0]);
         &self.packed.windows[b * blocks.sheets..][..blocks.sheets]
     }
@@ -171,22 +171,26 @@ impl Segments {
     fn trace_run(&mut self, start: &Start, lens: [f64; 2], ray_start: [f64; 2], near: usize, far: usize) {
         let Start { packed, s_focus, .. } = *start;
         let line = Line::new(&packed.codes, s_focus, lens, ray_start);
-        line.follow(near, far, |cell, from, to| {
-            for (sheet, bits) in start.depths_at(cell).iter().enumerate() {
-                if any_bin(bits, from >> 8, (to - 1) >> 8) {
-                    let place = cell.map(|v| v as i32);
-                    let offset = place[1] * packed.padding.stride as i32 + place[0];
-                    let [bx, by] = line.base_from(cell);
-                    let (from, to, sheet_number) = (from as u16, to as u16, sheet as u32);
-                    let number = self.traced.len() as u32;
-                    self.traced.push(Traced {
-                        segment: Segment { offset, from, to, sheet: sheet_number, number },
-                        need: packed.patches.need(place, sheet, from, to),
-                        ray: Ray { ax: line.slope[0] as f32, bx, ay: line.slope[1] as f32, by },
-                    });
+        line.follow(
+            near,
+            far,
+            #[inline(always)]
+            |cell, from, to| {
+                for (sheet, bits) in start.depths_at(cell).iter().enumerate() {
+                    if any_bin(bits, from >> 8, (to - 1) >> 8) {
+                        let offset = cell[1] * packed.padding.stride as i32 + cell[0];
+                        let [bx, by] = line.base_from(cell);
+                        let (from, to, sheet_number) = (from as u16, to as u16, sheet as u32);
+                        let number = self.traced.len() as u32;
+                        self.traced.push(Traced {
+                            segment: Segment { offset, from, to, sheet: sheet_number, number },
+                            need: packed.patches.need(cell, sheet, from, to),
+                            ray: Ray { ax: line.slope[0] as f32, bx, ay: line.slope[1] as f32, by },
+                        });
+                    }
                 }
-            }
-        });
+            },
+        );
     }
 }
 
