@@ -1,0 +1,80 @@
+//! Several pixels of a row at once.
+
+use crate::cpu::rows::{greater, lesser};
+use crate::plan::hexagonal::Tap;
+
+/// Pixels worked on at once.
+pub const LANES: usize = 16;
+
+pub type Lane = [f32; LANES];
+
+/// The lane of a plane that begins at an index.
+#[inline(always)]
+pub fn lane(plane: &[f32], at: usize) -> &Lane {
+    debug_assert!(at + LANES <= plane.len());
+    // SAFETY: a field's margins are the plan's own, which hold every look-up from its tile, and lanes that overhang.
+    unsafe { &*plane.as_ptr().add(at).cast::<Lane>() }
+}
+
+/// The same, to be written.
+#[inline(always)]
+pub fn lane_mut(plane: &mut [f32], at: usize) -> &mut Lane {
+    plane[at..].first_chunk_mut().expect("the surroundings hold whole lanes")
+}
+
+/// How much of a step of a line circles of confusion reach, times the step's share.
+#[inline(always)]
+pub fn parts(tap: Tap, radius: &Lane) -> Lane {
+    let mut reached = *radius;
+    for i in 0..LANES {
+        reached[i] -= tap.from_px;
+    }
+    for i in 0..LANES {
+        reached[i] = greater(0.0, reached[i]);
+    }
+    for i in 0..LANES {
+        reached[i] = lesser(tap.step_px, reached[i]);
+    }
+    for i in 0..LANES {
+        reached[i] *= tap.share;
+    }
+    reached
+}
+
+/// The same where all of it is reached.
+#[inline(always)]
+pub fn whole(tap: Tap) -> Lane {
+    [tap.share * tap.step_px; LANES]
+}
+
+/// A product, lane by lane.
+// One operation a loop: of loops that do more at once the compiler leaves some lanes out of its vectors.
+#[inline(always)]
+pub fn product(a: &Lane, b: &Lane) -> Lane {
+    let mut out = [0.0; LANES];
+    for i in 0..LANES {
+        out[i] = a[i] * b[i];
+    }
+    out
+}
+
+/// Adds to a sum.
+#[inline(always)]
+pub fn add(sum: &mut Lane, v: &Lane) {
+    for i in 0..LANES {
+        sum[i] += v[i];
+    }
+}
+
+/// What `pick` leaves of a lane, by halves.
+#[inline(always)]
+pub fn reduce(mut values: Lane, pick: impl Fn(f32, f32) -> f32) -> f32 {
+    let mut n = LANES / 2;
+    while n > 0 {
+        for i in 0..n {
+            values[i] = pick(values[i], values[i + n]);
+        }
+        n /= 2;
+    }
+    values[0]
+}
