@@ -281,8 +281,9 @@ mod tests {
         let plan = Plan::new(&Settings::new(None, 64.0).unwrap(), 20.0);
         let (stride, rows) = (192, 96);
         // Patches in front, behind and in focus, of several sizes.
-        let patch =
-            |x: usize, y: usize| [-20.0f32, 0.0, 7.0, -9.0, 3.0, 12.0, 0.0, -17.0][(x / 48 + 3 * (y / 40)) % 8];
+        let patch = |x: usize, y: usize| {
+            [-20.0f32, 0.0, 7.0, -9.0, 3.0, 12.0, 0.0, -17.0][(x / 48 + 3 * (y / 40)) % 8]
+        };
         let coc: Vec<f32> = (0..rows).flat_map(|y| (0..stride).map(move |x| patch(x, y))).collect();
         let reach = Reach::new(&coc, stride, &Courses::new(&plan), Simd::Portable);
         let lines = plan.targets.iter().flat_map(|target| &target.gathered);
