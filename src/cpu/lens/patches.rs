@@ -7,7 +7,7 @@ use rayon::prelude::*;
 /// Columns and rows of a patch.
 const PATCH: (usize, usize) = (8, 4);
 /// Columns and rows of the part of a tile that is swept with one choice of looks. Parts begin with a patch.
-pub const PART: (usize, usize) = (32, 8);
+pub const PART: (usize, usize) = (32, 16);
 /// Codes are told apart by their highest six bits.
 const SHIFT: u32 = 10;
 
