@@ -19,6 +19,8 @@ const SAME_SURFACE_PX: f32 = 2.0;
 const BEHIND_PX: f32 = 0.5;
 /// A lens sees no farther behind a silhouette than the difference in shift, and a little more for rounding.
 const MARGIN_PX: f32 = 2.0;
+/// Far from edges only every so many pixels look, along each axis of a block: first the farthest from edges, then others.
+const SPACINGS_PX: [usize; 2] = [4, 2];
 
 /// A hidden pixel filled in.
 pub struct Hidden {
@@ -283,9 +285,6 @@ struct Grid {
     spacing: usize,
     answers: Vec<Answer>,
 }
-
-/// Spacings of a block's grids, in pixels.
-const SPACINGS_PX: [usize; 2] = [4, 2];
 
 impl Looks<'_> {
     /// The shift of the surface behind which pixel `index` looks; `None` where what it hides is known.
