@@ -306,7 +306,6 @@ def equal_quality(_runs: int) -> Iterator[Row]:
     while reached < quality and samples < 4096:
         samples *= 2
         reached = psnr(capture.thin_lens(512, 384, samples, seed=9))
-    # What Mitsuba compiles for these samples was compiled in the loop.
     seconds = median_of(3, lambda: capture.thin_lens(512, 384, samples, seed=9))
     yield {
         "what": f"Mitsuba thinlens, {samples} samples",

@@ -21,7 +21,7 @@ pub struct Frame<'a> {
 
 /// Signed radius of the circle of confusion at a disparity, cut at `most` pixels.
 #[inline(always)]
-pub fn coc(optics: &Optics, most: f64, disparity: f32) -> f32 {
+fn coc(optics: &Optics, most: f64, disparity: f32) -> f32 {
     (-optics.shift_px(f64::from(disparity))).clamp(-most, most) as f32
 }
 

@@ -124,11 +124,8 @@ fn shade<const C: usize>(plan: &Plan, field: &Field, looks: &[Looks], at: usize)
 fn copy_tile<const C: usize>(layer: &Layer, size: Size, tile: &mut Tile) {
     for (y, row) in tile.rows.iter_mut().enumerate() {
         let from = (tile.origin.1 + y) * size.width + tile.origin.0;
-        for (x, pixel) in row.chunks_exact_mut(C).enumerate() {
-            for c in 0..C {
-                pixel[c] = layer.color[c * size.pixels() + from + x];
-            }
-        }
+        let planes: [&[f32]; C] = std::array::from_fn(|c| &layer.color[c * size.pixels() + from..]);
+        interleave(planes, row);
     }
 }
 

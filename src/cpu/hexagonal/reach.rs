@@ -77,7 +77,7 @@ struct Step {
 }
 
 /// The blocks that look-ups along a line go to.
-pub struct Course(Vec<Step>);
+struct Course(Vec<Step>);
 
 impl Course {
     fn new(line: &Line) -> Course {
