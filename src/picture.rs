@@ -43,16 +43,18 @@ pub fn range(values: &[f32]) -> [f32; 2] {
     const LANES: usize = 16;
     let of = |values: &[f32]| {
         let (mut least, mut greatest) = ([f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]);
-        for values in values.chunks(LANES) {
-            for ((least, greatest), v) in least.iter_mut().zip(&mut greatest).zip(values) {
-                *least = if v < least { *v } else { *least };
-                *greatest = if v > greatest { *v } else { *greatest };
+        // Blocks of a fixed length, which the compiler makes vectors of.
+        let (blocks, rest) = values.as_chunks::<LANES>();
+        for block in blocks {
+            for i in 0..LANES {
+                let v = block[i];
+                least[i] = if v < least[i] { v } else { least[i] };
+                greatest[i] = if v > greatest[i] { v } else { greatest[i] };
             }
         }
-        [
-            least.into_iter().fold(f32::INFINITY, f32::min),
-            greatest.into_iter().fold(f32::NEG_INFINITY, f32::max),
-        ]
+        let least = least.into_iter().chain(rest.iter().copied()).fold(f32::INFINITY, f32::min);
+        let greatest = greatest.into_iter().chain(rest.iter().copied()).fold(f32::NEG_INFINITY, f32::max);
+        [least, greatest]
     };
     let both = |a: [f32; 2], b: [f32; 2]| [a[0].min(b[0]), a[1].max(b[1])];
     values.par_chunks(1 << 14).map(of).reduce(|| of(&[]), both)
