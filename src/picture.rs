@@ -29,32 +29,40 @@ pub struct Layer {
     pub color: Arc<Buffer<f32>>,
     /// Disparity of every pixel.
     pub disparity: Buffer<f32>,
+    /// Its least and its greatest.
+    range: [f32; 2],
 }
 
 impl Layer {
+    pub fn new(color: Arc<Buffer<f32>>, disparity: Buffer<f32>) -> Layer {
+        let range = range(&disparity);
+        Layer { color, disparity, range }
+    }
+
     /// The least and the greatest disparity.
     pub fn disparity_range(&self) -> [f32; 2] {
-        range(&self.disparity)
+        self.range
     }
 }
 
 /// The least and the greatest of some values, NaN left out; where there is none, infinity and its negative.
 pub fn range(values: &[f32]) -> [f32; 2] {
     const LANES: usize = 16;
+    let lesser = |a: f32, b: f32| if b < a { b } else { a };
+    let greater = |a: f32, b: f32| if b > a { b } else { a };
     let of = |values: &[f32]| {
-        let (mut least, mut greatest) = ([f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]);
-        // Blocks of a fixed length, which the compiler makes vectors of.
+        // Whole arrays from whole arrays, each in a pass of its own: of that the compiler makes vectors.
         let (blocks, rest) = values.as_chunks::<LANES>();
-        for block in blocks {
-            for i in 0..LANES {
-                let v = block[i];
-                least[i] = if v < least[i] { v } else { least[i] };
-                greatest[i] = if v > greatest[i] { v } else { greatest[i] };
-            }
-        }
-        let least = least.into_iter().chain(rest.iter().copied()).fold(f32::INFINITY, f32::min);
-        let greatest = greatest.into_iter().chain(rest.iter().copied()).fold(f32::NEG_INFINITY, f32::max);
-        [least, greatest]
+        let least = blocks.iter().fold([f32::INFINITY; LANES], |least, block| {
+            std::array::from_fn(|i| lesser(least[i], block[i]))
+        });
+        let greatest = blocks.iter().fold([f32::NEG_INFINITY; LANES], |greatest, block| {
+            std::array::from_fn(|i| greater(greatest[i], block[i]))
+        });
+        [
+            least.iter().chain(rest).copied().fold(f32::INFINITY, lesser),
+            greatest.iter().chain(rest).copied().fold(f32::NEG_INFINITY, greater),
+        ]
     };
     let both = |a: [f32; 2], b: [f32; 2]| [a[0].min(b[0]), a[1].max(b[1])];
     values.par_chunks(1 << 14).map(of).reduce(|| of(&[]), both)
@@ -75,7 +83,7 @@ impl Picture {
         let n = self.size.pixels();
         let layers = self.layers.iter().map(|layer| {
             let kept: Vec<_> = channels.iter().map(|&c| &layer.color[c * n..][..n]).collect();
-            Layer { color: Arc::new(Buffer::concat(&kept)), disparity: layer.disparity.clone() }
+            Layer { color: Arc::new(Buffer::concat(&kept)), ..layer.clone() }
         });
         Picture { size: Size { channels: channels.len(), ..self.size }, layers: layers.collect() }
     }
@@ -90,7 +98,7 @@ impl Picture {
                     *d = (f64::from(*d) - offset(x as f64, y as f64)) as f32;
                 }
             });
-            Layer { color: Arc::clone(&layer.color), disparity }
+            Layer::new(Arc::clone(&layer.color), disparity)
         });
         Picture { size: self.size, layers: layers.collect() }
     }

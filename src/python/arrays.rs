@@ -567,7 +567,7 @@ impl Input {
                     values.zip(alpha).filter(|(_, a)| **a <= 0.0).for_each(|(d, _)| *d = background);
                 }
                 let disparity = installed(|| disparity_plane(&depth, size.width, kind, rays, invalid))??;
-                Ok(Layer { color: Arc::clone(color), disparity })
+                Ok(Layer::new(Arc::clone(color), disparity))
             })
             .collect::<PyResult<_>>()?;
         Ok(Picture { size, layers })
