@@ -34,6 +34,7 @@ pub struct Layer {
 }
 
 impl Layer {
+    /// Colour planes, and the disparity of each pixel.
     pub fn new(color: Arc<Buffer<f32>>, disparity: Buffer<f32>) -> Layer {
         let range = range(&disparity);
         Layer { color, disparity, range }

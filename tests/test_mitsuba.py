@@ -15,6 +15,7 @@ mi = pytest.importorskip("mitsuba", reason="Mitsuba 3 is the reference: pip inst
 
 import dofsim  # noqa: E402
 from dofsim.metrics import psnr, srgb  # noqa: E402
+from dofsim.mitsuba._capture import averaged  # noqa: E402
 from oracle.gather import gather  # noqa: E402
 from scenes.camera import Camera  # noqa: E402
 from scenes.capture import Capture  # noqa: E402
@@ -58,6 +59,8 @@ def pictures(name):
     return {
         "color": capture.pinhole(WIDTH, HEIGHT, 64),
         "depth": layers_depth[0, middle, middle],
+        "layers_color_1x": layers_color[:, middle, middle],
+        "layers_depth_1x": layers_depth[:, middle, middle],
         "layers_color": layers_color,
         "layers_depth": layers_depth,
         "halves": [capture.thin_lens(WIDTH, HEIGHT, HALF_SPP, seed=seed) for seed in (1, 2)],
@@ -88,6 +91,16 @@ def test_four_layers_at_three_times_the_resolution(name):
     shot = pictures(name)
     out = dofsim.render(shot["layers_color"], shot["layers_depth"], lens_of(CAMERA), supersample=SUPERSAMPLE)
     assert distance_db(out[..., :3], shot["halves"]) > REACHED_DB[name]["four layers"] - MARGIN_DB
+
+
+@pytest.mark.parametrize("name", ["spheres", "fence", "hair"])
+def test_a_second_layer_tells_what_one_can_only_guess(name):
+    shot = pictures(name)
+    color, depth = shot["layers_color_1x"][:2].copy(), np.ascontiguousarray(shot["layers_depth_1x"][:2])
+    color[0] = averaged(color[0], shot["color"])
+    two = dofsim.render(color, depth, lens_of(CAMERA))[..., :3]
+    one = dofsim.render(shot["color"], shot["depth"], lens_of(CAMERA))
+    assert distance_db(two, shot["halves"]) > distance_db(one, shot["halves"]) + 2.0
 
 
 @pytest.mark.parametrize("name", ["spheres", "fence", "hair", "lights"])

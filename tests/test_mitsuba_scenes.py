@@ -175,6 +175,25 @@ def test_layers():
     assert capture.render().shape == (HEIGHT, WIDTH, 4)
 
 
+def test_the_first_layer_is_averaged_over_pixels():
+    first = rgbd(words(), spp=4, layers=2).color[0, ..., :3]
+    np.testing.assert_array_equal(first, shot().color)
+    # At pixel centres there are the surfaces' own colours alone.
+    red = np.unique(rgbd(words(), spp=1, layers=2).color[0, ..., 0].round(4))
+    np.testing.assert_allclose(red, [0.2, 3.0], rtol=1e-3)
+    assert ((first[..., 0] > 0.21) & (first[..., 0] < 2.99)).any()
+
+
+def test_colors_of_a_surface_that_ends_before_nothing_are_its_own():
+    scene = words()
+    del scene["wall"], scene["far"]
+    color, depth, _ = rgbd(scene, spp=16, layers=2)
+    ball = np.isfinite(depth[0])
+    assert 0 < ball.sum() < ball.size
+    np.testing.assert_allclose(color[0][ball], np.tile([3.0, 1.0, 1.0, 1.0], (ball.sum(), 1)), rtol=1e-5)
+    np.testing.assert_array_equal(color[0][~ball], 0.0)
+
+
 @pytest.mark.skipif(
     find_llvm() is None, reason="no LLVM that Mitsuba can use is installed (Debian: libllvm19)"
 )

@@ -68,16 +68,19 @@ def render_bundle(name: str, width: int, height: int) -> dict[str, np.ndarray]:
         `color`, `depth`: through the pinhole, colours averaged over pixels, depth at their centres.
         `color_ss3`, `depth_ss3`: three times as wide and high, both sampled at pixel centres.
         `layers_color`, `layers_depth`: the same with four surfaces one behind another, and
-        `layers_color_1x`, `layers_depth_1x` at the picture's own size.
+        `layers_color_1x`, `layers_depth_1x` at the picture's own size, the first averaged over pixels.
         `reference_a`, `reference_b`: two halves of the thin lens's samples with different seeds;
         `reference`: their mean.
         `aperture_radius`, `focus_distance`, `fov`, `fov_axis`: the lens. `seconds`: the time it took.
     """
+    from dofsim.mitsuba._capture import averaged
+
     start = time.perf_counter()
     capture = load_capture(name)
     recipe = RECIPES[name]
     color = capture.pinhole(width, height, recipe.pinhole_spp, recipe.lamp_spp)
     layers_color_1x, layers_depth_1x = capture.peel(width, height, LAYERS, recipe.peel_spp)
+    layers_color_1x[0] = averaged(layers_color_1x[0], color)
     layers_color, layers_depth = capture.peel(
         SUPERSAMPLE * width, SUPERSAMPLE * height, LAYERS, recipe.peel_spp
     )
@@ -102,9 +105,9 @@ def render_bundle(name: str, width: int, height: int) -> dict[str, np.ndarray]:
 def fingerprint(name: str) -> str:
     """Digest of all that a scene's bundle depends on, to tell a cached one that is out of date."""
     digest = hashlib.sha256(repr((RECIPES[name], SUPERSAMPLE, LAYERS)).encode())
-    for module in (name, *RECIPES[name].uses, "camera", "capture", "shapes", "textures"):
+    for module in (name, *RECIPES[name].uses, "bundle", "camera", "capture", "shapes", "textures"):
         digest.update((Path(__file__).parent / f"{module}.py").read_bytes())
-    for module in ("_peel", "_view"):
+    for module in ("_capture", "_peel", "_view"):
         digest.update((resources.files("dofsim") / "mitsuba" / f"{module}.py").read_bytes())
     return digest.hexdigest()
 

@@ -91,12 +91,12 @@ def rgbd(
     scene : mitsuba.Scene, dict or path
         The scene; its integrator renders the colours.
     spp : int, optional
-        Samples a pixel, rounded up to a square; of layers, light paths to each surface.
+        Samples a pixel, rounded up to a square; of layers, light paths to each surface, too.
     layers : int, optional
-        How many surfaces one behind another are sampled along each pixel's ray. A single layer's colour is
-        averaged over the pixel; those of several are taken at its centre, so that in focus they are aliased
-        unless there is `supersample`. Behind the first one, surfaces seen from behind, the insides of solids,
-        are left out.
+        How many surfaces one behind another are sampled along each pixel's ray. The first one's colour is
+        averaged over the pixel (of several layers, if `spp` is more than 1, and where it is all that the
+        pixels around see); those behind are taken at its centre. Behind the first one, surfaces seen from
+        behind, the insides of solids, are left out.
     supersample : int, optional
         Pixels to one of the output, along each axis; `spp` counts for each of them.
     overscan : int, optional
@@ -150,7 +150,25 @@ def rgbd(
         color = render(loaded, view, "perspective", spp=squared(spp), seed=seed)
         return Capture(color, depth[0], lens, supersample, overscan)
     color, depth = peel(loaded, view, layers, spp=spp, seed=seed)
+    if spp > 1:
+        means = render(loaded, view, "perspective", spp=squared(spp), seed=seed)
+        color[0] = averaged(color[0], means)
     return Capture(color, depth, lens, supersample, overscan)
+
+
+def averaged(first: NDArray[np.float32], means: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Give a first layer, (H, W, 4), the colours that a pinhole sees, averaged over pixels, (H, W, 3).
+
+    In focus it is then as smooth as they are. Where it ends before nothing at all, a pixel's mean is partly
+    of that nothing, which the layer's own colour must not be: pixels beside an empty one stay as they are.
+    """
+    height, width = means.shape[:2]
+    there = np.pad(first[..., 3] > 0.0, 1, mode="edge")
+    around = [there[y : y + height, x : x + width] for y in range(3) for x in range(3)]
+    surrounded = np.logical_and.reduce(around)
+    out = first.copy()
+    out[surrounded, :3] = means[surrounded]
+    return out
 
 
 def squared(spp: int) -> int:
