@@ -27,8 +27,6 @@ from pictures import disc, lens_of, planes, traced
 from scipy import signal
 from skimage import filters
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
 Row = dict[str, Any]
 SIZES = {"512 x 512": (512, 512), "1920 x 1080": (1080, 1920), "3840 x 2160": (2160, 3840)}
 RADII_PX = (4, 16, 64)
@@ -265,55 +263,39 @@ def memory(_runs: int) -> Iterator[Row]:
             yield {"size": name, "radius_px": radius, "bytes_per_pixel": once, "after_8_renders": often}
 
 
-def equal_quality(_runs: int) -> Iterator[Row]:
+def equal_quality(runs: int) -> Iterator[Row]:
     """Measure the flagship against brute force, and against Mitsuba's thin lens that comes as close."""
-    from dofsim import metrics
-    from fidelity import BORDER_PX
-    from fidelity import lens_of as lens_of_bundle
-    from scenes.bundle import load_bundle, load_capture
-
-    bundle = load_bundle("spheres", 512, 384)
-    lens, color, depth = lens_of_bundle(bundle), bundle["color"], bundle["depth"]
-
-    def psnr(picture: NDArray[np.float32]) -> float:
-        return float(metrics.psnr(picture[..., :3], bundle["reference"], border=BORDER_PX))
-
-    with_threads(THREADS[-1])
-    two_layers = bundle["layers_color_1x"][:2], bundle["layers_depth_1x"][:2]
-    ours: dict[str, tuple[float, float]] = {}
-    for name, (c, d) in {"one layer": (color, depth), "two layers": two_layers}.items():
-        seconds = median_of(7, lambda c=c, d=d: dofsim.render(c, d, lens))
-        ours[name] = seconds, psnr(dofsim.render(c, d, lens))
-        yield {"what": f"dofsim lens, {name}", "s": seconds, "psnr_db": ours[name][1], "ratio": 1.0}
-    shift = -dofsim.coc(depth, lens)
-    marched = median_of(1, lambda: march(color, shift, 256))
-    yield {
-        "what": "every ray marched through the depth map, 256 views, against one layer",
-        "s": marched,
-        "psnr_db": psnr(march(color, shift, 256)),
-        "ratio": marched / ours["one layer"][0],
-    }
     try:
-        from scenes.variant import choose_variant
+        from equal import Traced, full_hd, small
     except ImportError as error:
-        print(f"SKIPPED: Mitsuba: {error}")
+        print(f"SKIPPED: {error}")
         return
-    choose_variant()
-    capture = load_capture("spheres")
+    with_threads(THREADS[-1])
+    for size, take in {"512 x 384": small, "1920 x 1080": full_hd}.items():
+        shot = take()
+        tracer = Traced(shot)
+        color = np.ascontiguousarray(shot.color[0, ..., :3])
+        shift = -dofsim.coc(shot.depth[0], shot.lens)
+        for layers in (1, 2):
+            ours = median_of(runs, lambda shot=shot, layers=layers: shot.render(layers))
+            reached = shot.psnr(shot.render(layers))
 
-    def traced_psnr(side: int) -> float:
-        return psnr(capture.thin_lens(512, 384, side * side, seed=9))
+            def row(what: str, seconds: float, psnr_db: float, size: str = size, ours: float = ours) -> Row:
+                return {
+                    "size": size,
+                    "what": what,
+                    "s": seconds,
+                    "psnr_db": psnr_db,
+                    "times_as_long": seconds / ours,
+                }
 
-    for name, (seconds, quality) in ours.items():
-        # Squares, of which its sampler covers pixel and lens most evenly.
-        side = next((side for side in range(2, 33) if traced_psnr(side) >= quality), 33)
-        taken = median_of(3, lambda side=side: capture.thin_lens(512, 384, side * side, seed=9))
-        yield {
-            "what": f"Mitsuba thinlens, {side * side} samples, against {name}",
-            "s": taken,
-            "psnr_db": traced_psnr(side),
-            "ratio": taken / seconds,
-        }
+            yield row(f"lens, layers: {layers}", ours, reached)
+            if layers == 1:
+                seconds = median_of(1, lambda color=color, shift=shift: march(color, shift, 256))
+                yield row("every ray marched, 256 views", seconds, shot.psnr(march(color, shift, 256)))
+            side = tracer.fewest(reached)
+            seconds = median_of(3, lambda tracer=tracer, side=side: tracer.render(side))
+            yield row(f"Mitsuba thinlens, {side * side} samples", seconds, tracer.psnr(side))
 
 
 PARTS = {
