@@ -54,9 +54,9 @@ pub fn range(values: &[f32]) -> [f32; 2] {
     let of = |values: &[f32]| {
         // Whole arrays from whole arrays, each in a pass of its own: of that the compiler makes vectors.
         let (blocks, rest) = values.as_chunks::<LANES>();
-        let least = blocks.iter().fold([f32::INFINITY; LANES], |least, block| {
-            std::array::from_fn(|i| lesser(least[i], block[i]))
-        });
+        let least = blocks
+            .iter()
+            .fold([f32::INFINITY; LANES], |least, block| std::array::from_fn(|i| lesser(least[i], block[i])));
         let greatest = blocks.iter().fold([f32::NEG_INFINITY; LANES], |greatest, block| {
             std::array::from_fn(|i| greater(greatest[i], block[i]))
         });

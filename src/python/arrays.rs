@@ -9,8 +9,9 @@ use crate::depth::{DepthKind, Invalid, Rays, disparities, disparity_plane};
 use crate::memory::Buffer;
 use crate::optics::{Base, Frame, Lens};
 use crate::picture::{Layer, Picture, Size};
+use bytemuck::Pod;
 use half::f16;
-use numpy::ndarray::{ArrayViewD, Axis};
+use numpy::ndarray::{ArrayViewD, Axis, Ix2};
 use numpy::{
     Element, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods, dtype,
 };
@@ -191,12 +192,30 @@ fn refuse_infinite(planes: &[f32], size: Size) -> PyResult<()> {
     Ok(())
 }
 
-/// Calls `read` with the samples of an array in row-major order, copied if they are not.
-fn in_order<T: Sample, R>(view: &ArrayViewD<'_, T>, read: impl FnOnce(&[T]) -> R) -> R {
+/// Does `work` with the samples of an array in row-major order, copied if they are not, on the workers that are set.
+fn in_order<T: Sample + Pod, R: Send>(
+    view: &ArrayViewD<'_, T>,
+    work: impl FnOnce(&[T]) -> R + Send,
+) -> PyResult<R> {
     match view.as_slice() {
-        Some(samples) => read(samples),
-        None => read(&view.iter().copied().collect::<Vec<T>>()),
+        Some(samples) => installed(|| work(samples)),
+        None => installed(|| work(&ordered(view))),
     }
+}
+
+/// The samples of an array of rows of pixels, or of values, in row-major order, whatever its strides.
+fn ordered<T: Sample + Pod>(view: &ArrayViewD<'_, T>) -> Buffer<T> {
+    let mut samples = Buffer::unset(view.len());
+    let length = view.len() / view.len_of(Axis(0));
+    samples.par_chunks_mut(length).enumerate().for_each(|(y, out)| {
+        let row = view.index_axis(Axis(0), y);
+        let row = if row.ndim() == 1 { row.insert_axis(Axis(1)) } else { row };
+        let pixels = row.into_dimensionality::<Ix2>().expect("rows hold values, or pixels of channels");
+        for (x, out) in out.chunks_exact_mut(pixels.ncols()).enumerate() {
+            out.iter_mut().enumerate().for_each(|(c, out)| *out = pixels[[x, c]]);
+        }
+    });
+    samples
 }
 
 /// The magnitude of a value as a number that is in order with others' and beyond [`INFINITE`] for what is none.
@@ -325,7 +344,7 @@ fn read_layer_color(
     let simd = simd()?;
     let (mut planes, largest) = with_sample_type!(format.sample_type, T => view::<T, _>(array, |view| {
         let view = if shape.layered { view.index_axis_move(Axis(0), layer) } else { view };
-        in_order(&view, |samples| installed(|| color_planes(samples, size, format, simd)))
+        in_order(&view, |samples| color_planes(samples, size, format, simd))
     }))??;
     if largest >= INFINITE {
         refuse_infinite(&planes, size)?;
@@ -445,7 +464,7 @@ pub fn read_depth(depth: &Bound<'_, PyAny>) -> PyResult<DepthPlanes> {
     }
     let planes = with_sample_type!(sample_type, T => view::<T, _>(array, |view| {
         let layer = |i: usize| if view.ndim() == 3 { view.index_axis(Axis(0), i) } else { view.view() };
-        let values = |v: &[T]| installed(|| Buffer::of_each(v, |d| d.to_code()));
+        let values = |v: &[T]| Buffer::of_each(v, |d| d.to_code());
         (0..layers).map(|i| in_order(&layer(i), values)).collect::<PyResult<_>>()
     }))??;
     Ok(DepthPlanes { width, height, planes })
