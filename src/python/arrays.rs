@@ -244,7 +244,10 @@ fn color_planes<T: Sample>(
         );
         for (c, row) in rows.iter_mut().enumerate() {
             if transfer != Transfer::Linear && c < lights.min(3) {
-                row.iter_mut().for_each(|v| *v = transfer.decode(*v));
+                simd.run(
+                    #[inline(always)]
+                    || row.iter_mut().for_each(|v| *v = transfer.decode(*v)),
+                );
             }
         }
         let largest = rows.iter().map(|row| {

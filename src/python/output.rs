@@ -1,9 +1,11 @@
 //! Where pictures go: an array of the caller's, or a new one, in the caller's own dtype and format.
 
 use super::arrays::{Alpha, ColorFormat, SampleType, array, with_sample_type};
-use super::run::detached;
+use super::run::{detached, simd};
 use crate::cancel::Cancel;
 use crate::color::{Sample, Transfer};
+use crate::cpu::rows::with_channels;
+use crate::cpu::simd::Simd;
 use crate::error::Result;
 use crate::memory::Buffer;
 use crate::picture::Size;
@@ -18,6 +20,11 @@ use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyCapsule;
 use rayon::prelude::*;
+
+/// Pixels that a worker takes at a time.
+const AT_ONCE: usize = 1 << 12;
+/// Pixels of one channel that are encoded together, as a vector.
+const BLOCK: usize = 16;
 
 /// Pictures that are to be rendered, and where they go.
 pub struct Output<'a> {
@@ -99,43 +106,61 @@ impl Output<'_> {
         })?;
         let values: &mut [T] = writable.as_slice_mut()?;
         let length = self.rendered.pixels() * self.rendered.channels;
+        let simd = simd()?;
         detached(py, threads, move |cancel| {
             if self.format.sample_type == SampleType::F32 && self.margin == 0 {
                 let linear: &mut [f32] = bytemuck::cast_slice_mut(values);
                 let result = render(linear.chunks_exact_mut(length).collect(), cancel)?;
-                self.encode(linear);
+                self.encode(simd, linear);
                 return Ok(result);
             }
             let mut linear = Buffer::unset(self.stacked.unwrap_or(1) * length);
             let result = render(linear.chunks_exact_mut(length).collect(), cancel)?;
-            self.encode(&mut linear);
-            self.convert(&linear, values);
+            self.encode(simd, &mut linear);
+            self.convert(simd, &linear, values);
             Ok(result)
         })
     }
 
     /// From linear and premultiplied to what the caller has.
-    fn encode(&self, pixels: &mut [f32]) {
+    fn encode(&self, simd: Simd, pixels: &mut [f32]) {
         let ColorFormat { alpha, transfer, .. } = *self.format;
         if alpha != Alpha::Straight && transfer == Transfer::Linear && self.brighter == 1.0 {
             return;
         }
-        let (channels, lights) = (self.rendered.channels, self.format.lights(self.rendered));
-        pixels.par_chunks_mut(channels).for_each(|pixel| {
-            if alpha == Alpha::Straight && pixel[channels - 1] > 0.0 {
-                let (color, alpha) = pixel.split_at_mut(channels - 1);
-                color.iter_mut().for_each(|v| *v /= alpha[0]);
-            }
-            // Unmixed colours may be brighter than all that came in.
-            pixel[..lights].iter_mut().for_each(|v| *v = (*v * self.brighter).clamp(f32::MIN, f32::MAX));
-            if transfer != Transfer::Linear {
-                pixel[..lights.min(3)].iter_mut().for_each(|v| *v = transfer.encode(*v));
-            }
+        let lights = self.format.lights(self.rendered);
+        pixels.par_chunks_mut(AT_ONCE * self.rendered.channels).for_each(|pixels| {
+            with_channels!(self.rendered.channels, C => simd.run(#[inline(always)] || self.encode_pixels::<C>(lights, pixels)));
         });
     }
 
+    /// Some pixels, whose first `lights` channels are light.
+    #[inline(always)]
+    fn encode_pixels<const C: usize>(&self, lights: usize, pixels: &mut [f32]) {
+        let ColorFormat { alpha, transfer, .. } = *self.format;
+        let pixels = pixels.as_chunks_mut::<C>().0;
+        if alpha == Alpha::Straight {
+            for pixel in pixels.iter_mut().filter(|pixel| pixel[C - 1] > 0.0) {
+                let (color, alpha) = pixel.split_at_mut(C - 1);
+                color.iter_mut().for_each(|v| *v /= alpha[0]);
+            }
+        }
+        for c in 0..lights {
+            let curve = if c < 3 { transfer } else { Transfer::Linear };
+            // Unmixed colours may be brighter than all that came in.
+            let encoded = |v: f32| curve.encode((v * self.brighter).clamp(f32::MIN, f32::MAX));
+            let (blocks, rest) = pixels.as_chunks_mut::<BLOCK>();
+            for block in blocks {
+                let mut values: [f32; BLOCK] = std::array::from_fn(|x| block[x][c]);
+                values.iter_mut().for_each(|v| *v = encoded(*v));
+                (0..BLOCK).for_each(|x| block[x][c] = values[x]);
+            }
+            rest.iter_mut().for_each(|pixel| pixel[c] = encoded(pixel[c]));
+        }
+    }
+
     /// Writes pictures without their margin in the caller's dtype.
-    fn convert<T: Sample>(&self, pixels: &[f32], out: &mut [T]) {
+    fn convert<T: Sample>(&self, simd: Simd, pixels: &[f32], out: &mut [T]) {
         let (size, margin, channels) = (self.size(), self.margin, self.rendered.channels);
         let source = |row: usize| {
             let (picture, y) = (row / size.height, row % size.height + margin);
@@ -143,7 +168,11 @@ impl Output<'_> {
             &pixels[first * channels..][..size.width * channels]
         };
         out.par_chunks_exact_mut(size.width * channels).enumerate().for_each(|(row, out)| {
-            out.iter_mut().zip(source(row)).for_each(|(out, v)| *out = T::from_code(*v));
+            let source = source(row);
+            simd.run(
+                #[inline(always)]
+                || out.iter_mut().zip(source).for_each(|(out, v)| *out = T::from_code(*v)),
+            );
         });
     }
 }
