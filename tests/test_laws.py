@@ -213,6 +213,25 @@ def bars():
     return wall, bar * covered[..., None], covered
 
 
+def layered(color, depth):
+    """Put a wall behind a picture, and give both as layers."""
+    layers = np.ones((2, HEIGHT, WIDTH, 4), np.float32)
+    layers[0, ..., :3], layers[1, ..., :3] = color, color[::-1]
+    return layers, np.stack([depth, np.full_like(depth, -1.5)])
+
+
+@pytest.mark.parametrize("options", [{}, {"cat_eye": 0.5}], ids=str)
+def test_layers_without_a_gap_cover_every_pixel_and_a_gap_far_away_changes_nothing(color, depth, options):
+    through = lens().replace(**options)
+    layers, depths = layered(color, depth)
+    whole = dofsim.render(layers, depths, through, depth_kind="disparity")
+    assert (whole[..., 3] == 1.0).all()
+    layers[:, -3:, -3:] = 0.0
+    gap = dofsim.render(layers, depths, through, depth_kind="disparity")
+    assert (gap[-3:, -3:, 3] < 1.0).all()
+    np.testing.assert_allclose(gap[:-64, :-64], whole[:-64, :-64], atol=1e-6)
+
+
 @pytest.mark.parametrize("focus", ["wall", "bar", "between"])
 def test_layers_show_what_the_bar_hides(bars, focus):
     wall, bar, covered = bars

@@ -97,7 +97,7 @@ def test_four_layers_at_three_times_the_resolution(name):
 def test_a_second_layer_tells_what_one_can_only_guess(name):
     shot = pictures(name)
     color, depth = shot["layers_color_1x"][:2].copy(), np.ascontiguousarray(shot["layers_depth_1x"][:2])
-    color[0] = averaged(color[0], shot["color"])
+    color[0] = averaged(color[0], depth[0], shot["color"])
     two = dofsim.render(color, depth, lens_of(CAMERA))[..., :3]
     one = dofsim.render(shot["color"], shot["depth"], lens_of(CAMERA))
     assert distance_db(two, shot["halves"]) > distance_db(one, shot["halves"]) + 2.0

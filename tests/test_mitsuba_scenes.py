@@ -12,6 +12,7 @@ mi = pytest.importorskip("mitsuba", reason="Mitsuba 3 is the reference: pip inst
 import dofsim  # noqa: E402
 from dofsim import metrics  # noqa: E402
 from dofsim.mitsuba import compare, find_llvm, rgbd  # noqa: E402
+from dofsim.mitsuba._capture import averaged  # noqa: E402
 from scenes.variant import choose_variant  # noqa: E402
 
 WIDTH, HEIGHT = 48, 36
@@ -175,13 +176,38 @@ def test_layers():
     assert capture.render().shape == (HEIGHT, WIDTH, 4)
 
 
-def test_the_first_layer_is_averaged_over_pixels():
-    first = rgbd(words(), spp=4, layers=2).color[0, ..., :3]
-    np.testing.assert_array_equal(first, shot().color)
-    # At pixel centres there are the surfaces' own colours alone.
-    red = np.unique(rgbd(words(), spp=1, layers=2).color[0, ..., 0].round(4))
-    np.testing.assert_allclose(red, [0.2, 3.0], rtol=1e-3)
-    assert ((first[..., 0] > 0.21) & (first[..., 0] < 2.99)).any()
+def test_the_first_layer_is_averaged_over_pixels_but_for_the_edges_of_highlights():
+    first = np.ones((6, 12, 4), np.float32)
+    depth = np.broadcast_to(np.linspace(2.0, 2.2, 12, dtype=np.float32), (6, 12)).copy()
+    depth[:, 5:] = 9.0
+    first[0, 0], depth[0, 0] = 0.0, np.inf
+    first[5, 4, :3] = 40.0
+    first[2, 9, :3] = 40.0
+    means = np.full((6, 12, 3), 0.5, np.float32)
+    expected = np.full((6, 12), 0.5)
+    # Beside the empty pixel, and beside a highlight where its surface ends.
+    expected[:2, :2] = 1.0
+    expected[0, 0] = 0.0
+    expected[4:, 4:6] = 1.0
+    expected[5, 4] = 40.0
+    out = averaged(first, depth, means)
+    np.testing.assert_array_equal(out[..., :3], np.repeat(expected[..., None], 3, -1))
+    np.testing.assert_array_equal(out[..., 3], first[..., 3])
+
+
+def test_layers_in_focus_are_as_smooth_as_one():
+    scene = words()
+    del scene["near"], scene["far"]
+    checks = {
+        "type": "checkerboard",
+        "color0": 0.1,
+        "color1": 0.9,
+        "to_uv": mi.ScalarTransform4f().scale(600),
+    }
+    scene["wall"]["emitter"] = {"type": "area", "radiance": checks}
+    several, single = rgbd(scene, spp=9, layers=2), rgbd(scene, spp=9)
+    np.testing.assert_array_equal(several.color[0, ..., :3], single.color)
+    assert rgbd(scene, spp=1, layers=2).color[0, ..., 0].std() > 2.0 * single.color[..., 0].std()
 
 
 def test_colors_of_a_surface_that_ends_before_nothing_are_its_own():

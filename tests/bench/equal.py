@@ -81,7 +81,7 @@ def full_hd() -> Shot:
     if not path.is_file():
         capture = capture_through(lens_of(RADIUS_PX))
         color, depth = capture.peel(*FULL_HD, layers=2)
-        color[0] = averaged(color[0], capture.pinhole(*FULL_HD, PINHOLE_SPP))
+        color[0] = averaged(color[0], depth[0], capture.pinhole(*FULL_HD, PINHOLE_SPP))
         capture = capture_through(lens_of(RADIUS_PX, depth[0]))
         halves = [capture.thin_lens(*FULL_HD, HALF_SPP, seed=seed) for seed in (1, 2)]
         partial = path.with_suffix(".part.npz")

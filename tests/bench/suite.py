@@ -162,6 +162,32 @@ def one_depth(runs: int) -> Iterator[Row]:
             }
 
 
+def layouts(runs: int) -> Iterator[Row]:
+    """Measure arrays of other layouts and types than contiguous float32, 1920 x 1080, by `taps`."""
+    color, depth = planes()
+    codes = np.rint(255 * color.clip(0.0, 1.0)).astype(np.uint8)
+    rgba = np.concatenate([color, np.ones_like(color[..., :1])], axis=-1)
+    arrays: dict[str, tuple[NDArray[Any], str]] = {
+        "float32": (color, "linear"),
+        "the first three channels of four": (rgba[..., :3], "linear"),
+        "channels first": (np.ascontiguousarray(color.transpose(2, 0, 1)).transpose(1, 2, 0), "linear"),
+        "upside down": (color[::-1], "linear"),
+        "float16": (color.astype(np.float16), "linear"),
+        "float32, sRGB": (color, "srgb"),
+        "uint8, sRGB": (codes, "srgb"),
+        "uint8, sRGB, blue first": (codes[..., ::-1], "srgb"),
+        "uint16, sRGB": (codes * np.uint16(257), "srgb"),
+    }
+    lens = lens_of(16, depth)
+    for name, (array, transfer) in arrays.items():
+        for threads in THREADS:
+
+            def render(a: NDArray[Any] = array, t: str = transfer, n: int = threads) -> object:
+                return dofsim.render(a, depth, lens, method="taps", transfer=t, threads=n)
+
+            yield {"color": name, "threads": threads, "ms": 1e3 * median_of(runs, render)}
+
+
 def few_sprites(runs: int) -> Iterator[Row]:
     """Measure sprites at 1920 x 1080 where one bright pixel in a hundred is blurred, the rest in focus."""
     rng = np.random.default_rng(5)
@@ -303,6 +329,7 @@ PARTS = {
     "flagship": flagship,
     "one depth": one_depth,
     "sprites": few_sprites,
+    "layouts": layouts,
     "focal stack": stack,
     "start-up": start_up,
     "memory": memory,

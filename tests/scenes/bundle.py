@@ -80,7 +80,7 @@ def render_bundle(name: str, width: int, height: int) -> dict[str, np.ndarray]:
     recipe = RECIPES[name]
     color = capture.pinhole(width, height, recipe.pinhole_spp, recipe.lamp_spp)
     layers_color_1x, layers_depth_1x = capture.peel(width, height, LAYERS, recipe.peel_spp)
-    layers_color_1x[0] = averaged(layers_color_1x[0], color)
+    layers_color_1x[0] = averaged(layers_color_1x[0], layers_depth_1x[0], color)
     layers_color, layers_depth = capture.peel(
         SUPERSAMPLE * width, SUPERSAMPLE * height, LAYERS, recipe.peel_spp
     )

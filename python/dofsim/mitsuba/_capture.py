@@ -19,6 +19,14 @@ from ._view import View, load_scene, render
 __all__ = ["Capture", "rgbd"]
 
 
+# Neighbours farther apart than this share of a picture's range of disparity are not on one surface: by a
+# pixel of blur where the whole range makes 32.
+SILHOUETTE = 1.0 / 32.0
+# What is so much brighter than the median is a highlight, as for the "lens" method what outshines its
+# surroundings so much.
+BRIGHTER = 5.0
+
+
 @dataclass(frozen=True, eq=False)
 class Capture:
     """A pinhole picture of a scene with its depth, and the lens to see it through.
@@ -94,9 +102,9 @@ def rgbd(
         Samples a pixel, rounded up to a square; of layers, light paths to each surface, too.
     layers : int, optional
         How many surfaces one behind another are sampled along each pixel's ray. The first one's colour is
-        averaged over the pixel (of several layers, if `spp` is more than 1, and where it is all that the
-        pixels around see); those behind are taken at its centre. Behind the first one, surfaces seen from
-        behind, the insides of solids, are left out.
+        averaged over the pixel (of several layers, if `spp` is more than 1, and but for the edges of
+        highlights); those behind are taken at its centre. Behind the first one, surfaces seen from behind,
+        the insides of solids, are left out.
     supersample : int, optional
         Pixels to one of the output, along each axis; `spp` counts for each of them.
     overscan : int, optional
@@ -152,23 +160,39 @@ def rgbd(
     color, depth = peel(loaded, view, layers, spp=spp, seed=seed)
     if spp > 1:
         means = render(loaded, view, "perspective", spp=squared(spp), seed=seed)
-        color[0] = averaged(color[0], means)
+        color[0] = averaged(color[0], depth[0], means)
     return Capture(color, depth, lens, supersample, overscan)
 
 
-def averaged(first: NDArray[np.float32], means: NDArray[np.float32]) -> NDArray[np.float32]:
+def averaged(
+    first: NDArray[np.float32], depth: NDArray[np.float32], means: NDArray[np.float32]
+) -> NDArray[np.float32]:
     """Give a first layer, (H, W, 4), the colours that a pinhole sees, averaged over pixels, (H, W, 3).
 
-    In focus it is then as smooth as they are. Where it ends before nothing at all, a pixel's mean is partly
-    of that nothing, which the layer's own colour must not be: pixels beside an empty one stay as they are.
+    What is in focus is then as smooth as they are. At silhouettes they mix two surfaces, and a pixel has one
+    depth. What one pixel has too much of a surface its neighbour has too little of, and both are blurred; but
+    a highlight would be seen at the other one's depth, and so would nothing at all. Beside these, the layer's
+    own colour stays, that of the surface at the pixel's centre.
     """
-    height, width = means.shape[:2]
-    there = np.pad(first[..., 3] > 0.0, 1, mode="edge")
-    around = [there[y : y + height, x : x + width] for y in range(3) for x in range(3)]
-    surrounded = np.logical_and.reduce(around)
+    there = first[..., 3] > 0.0
+    if not there.any():
+        return first
+    disparity = np.where(there, 1.0 / depth, 0.0)
+    light = np.maximum(first[..., :3].sum(axis=-1), means.sum(axis=-1))
+    highlight = light > BRIGHTER * np.median(light[there])
+    step = np.ptp(disparity[there]) * SILHOUETTE
+    silhouette = _around(disparity).max(axis=0) - _around(disparity).min(axis=0) > step
+    mixed = (_around(highlight).any(axis=0) & silhouette) | ~_around(there).all(axis=0)
     out = first.copy()
-    out[surrounded, :3] = means[surrounded]
+    out[~mixed, :3] = means[~mixed]
     return out
+
+
+def _around(plane: NDArray[Any]) -> NDArray[Any]:
+    """Give the nine values of each pixel's neighbourhood, the border repeated."""
+    height, width = plane.shape
+    padded = np.pad(plane, 1, mode="edge")
+    return np.stack([padded[y : y + height, x : x + width] for y in range(3) for x in range(3)])
 
 
 def squared(spp: int) -> int:
