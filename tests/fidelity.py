@@ -37,7 +37,7 @@ METHODS: dict[str, Callable[[Bundle, dofsim.Lens], NDArray]] = {
     "taps": lambda b, lens: dofsim.render(b["color"], b["depth"], lens, method="taps"),
     "sprites": lambda b, lens: dofsim.render(b["color"], b["depth"], lens, method="sprites"),
     "lens": lambda b, lens: dofsim.render(b["color"], b["depth"], lens),
-    # The first one averaged over pixels, as `rgbd` gives it; those behind are sampled at pixel centres.
+    # The first one averaged over pixels, as `rgbd` gives it; those behind, sampled at pixel centres.
     "lens, 2 layers": lambda b, lens: dofsim.render(b["layers_color_1x"][:2], b["layers_depth_1x"][:2], lens),
     "lens, 4 layers": lambda b, lens: dofsim.render(b["layers_color_1x"], b["layers_depth_1x"], lens),
     "lens, 3x": lambda b, lens: dofsim.render(b["color_ss3"], b["depth_ss3"], lens, supersample=SUPERSAMPLE),
