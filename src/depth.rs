@@ -111,11 +111,10 @@ pub fn disparities(
     }
     let ray_length =
         |x: usize, y: usize| rays.filter(|_| kind.needs_rays()).map_or(1.0, |rays| rays.length(x, y));
-    // What most have gets a loop of its own, which the compiler makes vectors of: a quotient in f32 is the one in f64,
-    // rounded.
+    // What most have gets a loop of its own, which the compiler makes vectors of.
     let row = |y: usize, depth: &[f32], out: &mut [f32]| match kind {
-        DepthKind::Z => finite(depth, out, |_, z| if z > 0.0 { z.recip() } else { f32::NAN }),
-        _ => finite(depth, out, |x, v| kind.disparity(f64::from(v), ray_length(x, y)) as f32),
+        DepthKind::Z => finite(depth, out, |_, v| DepthKind::Z.disparity(v, 1.0)),
+        _ => finite(depth, out, |x, v| kind.disparity(v, ray_length(x, y))),
     };
     let mut out = Buffer::unset(depth.len());
     let bad: usize = out
@@ -132,10 +131,10 @@ pub fn disparities(
 
 /// The disparities of a row, NaN where they are not finite, and how many of these there are.
 #[inline(always)]
-fn finite(depth: &[f32], out: &mut [f32], disparity: impl Fn(usize, f32) -> f32) -> usize {
+fn finite(depth: &[f32], out: &mut [f32], disparity: impl Fn(usize, f64) -> f64) -> usize {
     let mut bad = 0u32;
     for (x, (out, &v)) in out.iter_mut().zip(depth).enumerate() {
-        let d = disparity(x, v);
+        let d = disparity(x, f64::from(v)) as f32;
         *out = if d.is_finite() { d } else { f32::NAN };
         bad += u32::from(!d.is_finite());
     }

@@ -2,7 +2,7 @@
 
 use crate::memory::Buffer;
 use rayon::prelude::*;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// The size of a frame and the channels of its colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -29,20 +29,24 @@ pub struct Layer {
     pub color: Arc<Buffer<f32>>,
     /// Disparity of every pixel.
     pub disparity: Buffer<f32>,
-    /// Its least and its greatest.
-    range: [f32; 2],
+    /// Its least and its greatest, once they have been asked for.
+    range: OnceLock<[f32; 2]>,
 }
 
 impl Layer {
     /// Colour planes, and the disparity of each pixel.
     pub fn new(color: Arc<Buffer<f32>>, disparity: Buffer<f32>) -> Layer {
-        let range = range(&disparity);
-        Layer { color, disparity, range }
+        Layer { color, disparity, range: OnceLock::new() }
     }
 
     /// The least and the greatest disparity.
     pub fn disparity_range(&self) -> [f32; 2] {
-        self.range
+        // Not found inside the lock: workers that wait for one another there could wait for themselves.
+        let found = self.range.get().copied();
+        found.unwrap_or_else(|| {
+            let found = range(&self.disparity);
+            *self.range.get_or_init(|| found)
+        })
     }
 }
 
