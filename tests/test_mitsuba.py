@@ -14,8 +14,9 @@ import pytest
 mi = pytest.importorskip("mitsuba", reason="Mitsuba 3 is the reference: pip install mitsuba")
 
 import dofsim  # noqa: E402
-from dofsim.metrics import psnr, srgb  # noqa: E402
+from dofsim.metrics import psnr  # noqa: E402
 from dofsim.mitsuba._capture import averaged  # noqa: E402
+from fidelity import noiseless_psnr  # noqa: E402
 from oracle.gather import gather  # noqa: E402
 from scenes.camera import Camera  # noqa: E402
 from scenes.capture import Capture  # noqa: E402
@@ -56,27 +57,20 @@ def pictures(name):
     layers_color, layers_depth = capture.peel(SUPERSAMPLE * WIDTH, SUPERSAMPLE * HEIGHT, layers=4)
     # The middle one of each pixel's three by three samples lies at its centre.
     middle = slice(SUPERSAMPLE // 2, None, SUPERSAMPLE)
+    layers_depth_1x = layers_depth[:, middle, middle]
     return {
         "color": capture.pinhole(WIDTH, HEIGHT, 64),
-        "depth": layers_depth[0, middle, middle],
+        "depth": layers_depth_1x[0],
         "layers_color_1x": layers_color[:, middle, middle],
-        "layers_depth_1x": layers_depth[:, middle, middle],
+        "layers_depth_1x": layers_depth_1x,
         "layers_color": layers_color,
         "layers_depth": layers_depth,
         "halves": [capture.thin_lens(WIDTH, HEIGHT, HALF_SPP, seed=seed) for seed in (1, 2)],
     }
 
 
-def mean_square(a, b):
-    inside = np.s_[BORDER_PX:-BORDER_PX, BORDER_PX:-BORDER_PX]
-    return float(np.mean((srgb(a) - srgb(b))[inside] ** 2))
-
-
 def distance_db(picture, halves):
-    """PSNR to the mean of the halves, with the mean's own noise taken off the squared difference."""
-    reference = 0.5 * (halves[0] + halves[1])
-    noise = mean_square(halves[0], reference)
-    return -10.0 * np.log10(max(mean_square(picture, reference) - noise, 1e-9))
+    return noiseless_psnr(picture, halves, BORDER_PX)
 
 
 @pytest.mark.parametrize("name", REACHED_DB)

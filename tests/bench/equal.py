@@ -1,7 +1,6 @@
 """The flagship beside what comes as close to the truth: brute force, and Mitsuba's thin lens.
 
-Pictures are compared with the mean of two renders through Mitsuba's thin lens, whose own noise, told by
-how far the two are apart, is taken off the squared difference.
+Pictures are compared with two renders through Mitsuba's thin lens; see `fidelity.noiseless_psnr`.
 """
 
 import sys
@@ -10,14 +9,13 @@ from pathlib import Path
 
 import dofsim
 import numpy as np
-from dofsim import metrics
 from dofsim.mitsuba._capture import averaged
 from numpy.typing import NDArray
 from pictures import lens_of
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from fidelity import BORDER_PX
+from fidelity import BORDER_PX, noiseless_psnr
 from fidelity import lens_of as lens_of_bundle
 from scenes import spheres
 from scenes.bundle import CACHE, fingerprint, load_bundle
@@ -53,13 +51,7 @@ class Shot:
 
     def psnr(self, picture: Array) -> float:
         """PSNR to the truth in dB of sRGB code values."""
-        reference = 0.5 * (self.halves[0] + self.halves[1])
-        inside = np.s_[BORDER_PX:-BORDER_PX, BORDER_PX:-BORDER_PX]
-
-        def mean_square(a: Array) -> float:
-            return float(np.mean((metrics.srgb(a) - metrics.srgb(reference))[inside] ** 2))
-
-        return -10.0 * float(np.log10(mean_square(picture) - mean_square(self.halves[0])))
+        return noiseless_psnr(picture, self.halves, BORDER_PX)
 
 
 def small() -> Shot:

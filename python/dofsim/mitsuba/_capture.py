@@ -8,6 +8,7 @@ from math import isqrt
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 import dofsim
@@ -180,19 +181,17 @@ def averaged(
     disparity = np.where(there, 1.0 / depth, 0.0)
     light = np.maximum(first[..., :3].sum(axis=-1), means.sum(axis=-1))
     highlight = light > BRIGHTER * np.median(light[there])
-    step = np.ptp(disparity[there]) * SILHOUETTE
-    silhouette = _around(disparity).max(axis=0) - _around(disparity).min(axis=0) > step
-    mixed = (_around(highlight).any(axis=0) & silhouette) | ~_around(there).all(axis=0)
+    silhouette = np.ptp(_around(disparity), axis=(-2, -1)) > np.ptp(disparity[there]) * SILHOUETTE
+    mixed = (_around(highlight).any(axis=(-2, -1)) & silhouette) | ~_around(there).all(axis=(-2, -1))
     out = first.copy()
     out[~mixed, :3] = means[~mixed]
     return out
 
 
 def _around(plane: NDArray[Any]) -> NDArray[Any]:
-    """Give the nine values of each pixel's neighbourhood, the border repeated."""
-    height, width = plane.shape
-    padded = np.pad(plane, 1, mode="edge")
-    return np.stack([padded[y : y + height, x : x + width] for y in range(3) for x in range(3)])
+    """Give the three by three values around each pixel, the border repeated."""
+    around: NDArray[Any] = sliding_window_view(np.pad(plane, 1, mode="edge"), (3, 3))
+    return around
 
 
 def squared(spp: int) -> int:
