@@ -1,4 +1,4 @@
-// The picture darkened away from the axis, by the lens's barrel and by the angle of the light.
+// The picture darkened away from the axis, by the lens's second_stop and by the angle of the light.
 
 struct Params {
     size: vec2<u32>,
@@ -8,7 +8,7 @@ struct Params {
     per_focal: f32,
     // Channels that hold light.
     lights: u32,
-    @align(16) barrel: Barrel,
+    @align(16) second_stop: SecondStop,
 }
 
 override CHANNELS: u32 = 3u;
@@ -35,8 +35,8 @@ fn falloff(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let at = vec2<f32>(id.xy);
     var passes = cos4(at);
-    if clips(params.barrel) {
-        passes *= open_part(params.barrel, stop_of(params.barrel, at));
+    if clips(params.second_stop) {
+        passes *= open_part(params.second_stop, stop_of(params.second_stop, at));
     }
     for (var c = 0u; c < params.lights; c++) {
         picture[(id.y * params.size.x + id.x) * CHANNELS + c] *= passes;

@@ -3,17 +3,21 @@
 pub mod aperture;
 pub mod cancel;
 pub mod color;
-pub mod cpu;
+mod cpu;
 pub mod depth;
 pub mod device;
 pub mod error;
 pub mod files;
-pub mod gpu;
+mod gpu;
 mod memory;
+pub mod method;
+mod mirror;
 pub mod optics;
 pub mod picture;
 pub mod plan;
 #[cfg(feature = "python")]
 mod python;
-pub mod render;
-pub mod views;
+pub mod renderer;
+mod rows;
+mod scene;
+pub mod simd;

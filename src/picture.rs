@@ -109,6 +109,15 @@ impl Picture {
     }
 }
 
+/// The channel that coverage is, in pictures of three colours.
+pub(crate) const COVERAGE: usize = 3;
+
+/// The channels that are rendered at the focus of a colour: itself, and coverage, which colours need where there is
+/// one.
+pub(crate) fn channels_at(color: usize, channels: usize) -> Vec<usize> {
+    if channels > COVERAGE { vec![color, COVERAGE] } else { vec![color] }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,4 +1,4 @@
-// The variance to add to cells by their shift, negative where blur is to be undone: cpu/lens/footprint.rs.
+// The variance to add to cells by their shift, negative where blur is to be undone: plan/lens/footprint.rs.
 
 struct Footprint {
     s_focus: f32,

@@ -6,14 +6,14 @@ struct Params {
     padded: vec2<u32>,
     pad: i32,
     block: i32,
-    sheets: u32,
+    layers: u32,
     s_focus: f32,
     // The largest shift there is.
     reach_px: f32,
     // Codes are shifts: s = s_min + (code - 1) step.
     s_min: f32,
     step: f32,
-    @align(16) barrel: Barrel,
+    @align(16) second_stop: SecondStop,
 }
 
 // A bright point: its pixel, shift and depth, its disc, and its light.
@@ -68,11 +68,11 @@ fn weight_at(kernel: Kernel, d: vec2<i32>) -> f32 {
     return 0.0;
 }
 
-// Whether another sheet has a cell at the highlight's own pixel, in front of it by no more than `within` pixels.
+// Whether another layer has a cell at the highlight's own pixel, in front of it by no more than `within` pixels.
 fn is_covered(highlight: Highlight, within: f32) -> bool {
     let pixel = index_in(params.size, highlight.place.x, highlight.place.y);
-    for (var sheet = 0u; sheet < params.sheets; sheet++) {
-        let lo = farthest(codes[sheet * params.size.x * params.size.y + pixel]);
+    for (var layer = 0u; layer < params.layers; layer++) {
+        let lo = farthest(codes[layer * params.size.x * params.size.y + pixel]);
         if lo > highlight.code && f32(lo - highlight.code) * params.step <= within {
             return true;
         }
@@ -98,7 +98,7 @@ fn covered(cell: u32, at: vec2<i32>, offset: vec2<f32>) -> f32 {
     if number == 0u {
         return 1.0;
     }
-    let words = params.sheets * params.size.x * params.size.y + 3u * (number - 1u);
+    let words = params.layers * params.size.x * params.size.y + 3u * (number - 1u);
     let normal = vec2(bitcast<f32>(half_planes[words]), bitcast<f32>(half_planes[words + 1u]))
         * mirroring(params.size, at.x, at.y);
     return area_below(normal, bitcast<f32>(half_planes[words + 2u]) - (normal.x * offset.x + normal.y * offset.y));
@@ -150,8 +150,8 @@ fn visible_from(highlight: Highlight, l: vec2<f32>) -> f32 {
             continue;
         }
         let pixel = index_in(params.size, at.x, at.y);
-        for (var sheet = 0u; sheet < params.sheets; sheet++) {
-            let cell = sheet * params.size.x * params.size.y + pixel;
+        for (var layer = 0u; layer < params.layers; layer++) {
+            let cell = layer * params.size.x * params.size.y + pixel;
             let lo = farthest(codes[cell]);
             if nearest(codes[cell]) >= from_code && lo < to_code {
                 // Where the ray passes this cell, from its centre: on the line through the highlight.
@@ -183,8 +183,8 @@ fn light_at(at: vec2<i32>, tile: Tile) -> vec4<f32> {
         }
         var share = visible_from(highlight, l);
         if share > 0.0 {
-            if clips(params.barrel) {
-                share *= clipped_share(params.barrel, vec2<f32>(at), l, highlight.t);
+            if clips(params.second_stop) {
+                share *= clipped_share(params.second_stop, vec2<f32>(at), l, highlight.t);
             }
             sum += weight * share * highlight.light;
         }

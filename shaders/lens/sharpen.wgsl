@@ -1,8 +1,8 @@
-// Cells as they are drawn, sharpened against the blur of drawing them at fractions of a pixel: cpu/lens/pack.rs.
+// Cells as they are drawn, sharpened against the blur of drawing them at fractions of a pixel: cpu/lens/padded_colors.rs.
 
 struct Params {
     size: vec2<u32>,
-    sheets: u32,
+    layers: u32,
     connected_px: f32,
     @align(16) footprint: Footprint,
 }
@@ -10,18 +10,18 @@ struct Params {
 const RIGHT: u32 = 1u;
 const DOWN: u32 = 2u;
 const EDGE: u32 = 4u;
-// The links of a sheet whose cells are no plain pixels.
-const NO_LINKS: u32 = 128u;
+// The connectivity of a layer whose cells are no plain pixels.
+const NO_CONNECTIVITY: u32 = 128u;
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(2) var<storage, read> shifts: array<f32>;
 // Four bytes to a word.
-@group(0) @binding(3) var<storage, read> links: array<u32>;
+@group(0) @binding(3) var<storage, read> connectivity: array<u32>;
 @group(0) @binding(4) var<storage, read> colors: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read_write> drawn: array<vec4<f32>>;
 
 fn links_of(cell: u32) -> u32 {
-    return (links[cell / 4u] >> (8u * (cell % 4u))) & 0xffu;
+    return (connectivity[cell / 4u] >> (8u * (cell % 4u))) & 0xffu;
 }
 
 // What sharpening by `kappa` moves from a cell to a neighbour; no more than a quarter of its light.
@@ -33,22 +33,22 @@ fn flow(kappa: f32, own: vec4<f32>, other: vec4<f32>) -> vec4<f32> {
 }
 
 // The cell that continues a cell's surface at pixel `q`, where `owner` holds the link between both; or itself.
-fn neighbour(sheet: u32, own: u32, s: f32, q: u32, owner: u32, bit: u32) -> u32 {
+fn neighbour(layer: u32, own: u32, s: f32, q: u32, owner: u32, bit: u32) -> u32 {
     let pixels = params.size.x * params.size.y;
-    let beside = sheet * pixels + q;
+    let beside = layer * pixels + q;
     if abs(shifts[beside] - s) < params.connected_px {
         return beside;
     }
     let own_links = links_of(own);
-    let linked = (own_links & NO_LINKS) == 0u
-        && (links_of(sheet * pixels + owner) & bit) != 0u
+    let linked = (own_links & NO_CONNECTIVITY) == 0u
+        && (links_of(layer * pixels + owner) & bit) != 0u
         && ((own_links | links_of(beside)) & EDGE) == 0u
         && shifts[beside] < NOWHERE;
     if linked {
         return beside;
     }
-    for (var other = 0u; other < params.sheets; other++) {
-        if other != sheet && abs(shifts[other * pixels + q] - s) < params.connected_px {
+    for (var other = 0u; other < params.layers; other++) {
+        if other != layer && abs(shifts[other * pixels + q] - s) < params.connected_px {
             return other * pixels + q;
         }
     }

@@ -1,4 +1,4 @@
-// Running sums of the front sheet's colours along every row: value x is the sum of the x cells before.
+// Running sums of the front layer's colours along every row: value x is the sum of the x cells before.
 
 struct Params {
     size: vec2<u32>,
@@ -14,10 +14,10 @@ var<workgroup> totals: array<vec4<f32>, 256>;
 
 @compute @workgroup_size(256)
 fn sum_rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
-    // Each thread has a stretch of the row.
-    let stretch = (params.size.x + THREADS - 1u) / THREADS;
-    let first = min(thread * stretch, params.size.x);
-    let end = min(first + stretch, params.size.x);
+    // Each thread has a segment of the row.
+    let segment = (params.size.x + THREADS - 1u) / THREADS;
+    let first = min(thread * segment, params.size.x);
+    let end = min(first + segment, params.size.x);
     let row = group.x * params.size.x;
     var total = vec4<f32>();
     for (var x = first; x < end; x++) {
@@ -25,7 +25,7 @@ fn sum_rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_i
     }
     totals[thread] = total;
     workgroupBarrier();
-    // Doubling the distance adds up all stretches up to each.
+    // Doubling the distance adds up all segments up to each.
     for (var distance = 1u; distance < THREADS; distance *= 2u) {
         var before = vec4<f32>();
         if thread >= distance {

@@ -1,7 +1,7 @@
-// For every view, the nearest cell that each pixel's ray meets: cpu/lens/sweep.rs.
+// For every sample, the nearest cell that each pixel's ray meets: cpu/lens/sweep.rs.
 //
-// A view's way through the depths is the same for all pixels: stretches of codes, each at one offset. A workgroup sweeps
-// half a tile. It first picks those stretches in which there is any cell near it, then every thread follows them for
+// A sample's way through the depths is the same for all pixels: segments of codes, each at one offset. A workgroup sweeps
+// half a tile. It first picks those segments in which there is any cell near it, then every thread follows them for
 // four pixels, with their sums in registers.
 
 struct Params {
@@ -10,26 +10,26 @@ struct Params {
     pad: u32,
     blocks_across: u32,
     block: u32,
-    sheets: u32,
+    layers: u32,
     // Whether rays that meet nothing are transparent, rather than unknown.
     missed: u32,
-    // The views of each tile that this pass adds.
-    first_view: u32,
-    end_view: u32,
+    // The samples of each tile that this pass adds.
+    first_sample: u32,
+    end_sample: u32,
 }
 
-// A tile, its views, and the depths that occur within reach: a bit for each high byte of a code.
+// A tile, its samples, and the depths that occur within reach: a bit for each high byte of a code.
 struct Tile {
     origin: vec2<u32>,
-    first_view: u32,
-    views: u32,
+    first_sample: u32,
+    samples: u32,
     occupied: array<u32, 8>,
 }
 
 // At code u the ray passes the cell at `slope u + base - cell` from its centre, with the slope in front of the focus or
-// that behind it. Its stretches, near to far, the first one behind the focus, and the columns that see the view, by rows;
+// that behind it. Its segments, near to far, the first one behind the focus, and the columns that see the sample, by rows;
 // 0 where all do.
-struct View {
+struct LensSample {
     in_front: vec2<f32>,
     behind: vec2<f32>,
     first: u32,
@@ -39,7 +39,7 @@ struct View {
 }
 
 // Codes `from .. to`, in the low and the high half, are met at this offset: x in the low half, y in the high one.
-struct Stretch {
+struct Segment {
     cell: u32,
     codes: u32,
     base: vec2<f32>,
@@ -59,16 +59,16 @@ override CHANNELS: u32 = 3u;
 @group(0) @binding(2) var<storage, read> drawn: array<vec4<f32>>;
 // For each cell 0, or one more than the number of its half-plane; these follow.
 @group(0) @binding(3) var<storage, read> half_planes: array<u32>;
-// Views, then stretches, then the columns of each view.
+// Views, then segments, then the columns of each sample.
 @group(0) @binding(4) var<storage, read> paths: array<vec4<u32>>;
 @group(0) @binding(5) var<storage, read> tiles: array<Tile>;
-// For each block of the padded frame and each sheet, the depths in a tile that begins there; as in `Tile`.
+// For each block of the padded frame and each layer, the depths in a tile that begins there; as in `Tile`.
 @group(0) @binding(6) var<storage, read> windows: array<u32>;
-// How many views of each pixel do not count; between passes the picture holds sums.
+// How many samples of each pixel do not count; between passes the picture holds sums.
 @group(0) @binding(7) var<storage, read_write> left_out_before: array<f32>;
 @group(0) @binding(8) var<storage, read_write> picture: array<f32>;
 
-// Stretches and sheets that each view of a batch may meet cells in, and from which stretch on it has not been looked.
+// Stretches and layers that each sample of a batch may meet cells in, and from which segment on it has not been looked.
 var<workgroup> met: array<vec2<u32>, 1024>;
 var<workgroup> met_count: array<u32, BATCH>;
 var<workgroup> not_looked: array<u32, BATCH>;
@@ -81,25 +81,25 @@ var<private> sum_3: vec4<f32>;
 // A bit for each row.
 var<private> waiting: u32;
 
-fn view_at(i: u32) -> View {
+fn view_at(i: u32) -> LensSample {
     let slopes = bitcast<vec4<f32>>(paths[2u * i]);
     let words = paths[2u * i + 1u];
-    return View(slopes.xy, slopes.zw, words.x, words.y, words.z, words.w);
+    return LensSample(slopes.xy, slopes.zw, words.x, words.y, words.z, words.w);
 }
 
-fn stretch_at(i: u32) -> Stretch {
+fn stretch_at(i: u32) -> Segment {
     let words = paths[i];
-    return Stretch(words.x, words.y, bitcast<vec2<f32>>(words.zw));
+    return Segment(words.x, words.y, bitcast<vec2<f32>>(words.zw));
 }
 
-fn offset_of(stretch: Stretch) -> vec2<i32> {
-    let cell = bitcast<i32>(stretch.cell);
+fn offset_of(segment: Segment) -> vec2<i32> {
+    let cell = bitcast<i32>(segment.cell);
     return vec2((cell << 16u) >> 16u, cell >> 16u);
 }
 
-// The first and the last depth that the codes of a stretch fall to.
-fn bins_of(stretch: Stretch) -> vec2<u32> {
-    return vec2(stretch.codes & 0xffffu, (stretch.codes >> 16u) - 1u) >> vec2(8u);
+// The first and the last depth that the codes of a segment fall to.
+fn bins_of(segment: Segment) -> vec2<u32> {
+    return vec2(segment.codes & 0xffffu, (segment.codes >> 16u) - 1u) >> vec2(8u);
 }
 
 // Those bits of a word of depths.
@@ -109,8 +109,8 @@ fn bits_of(bins: vec2<u32>, word: u32) -> u32 {
     return (0xffffffffu << low) & (0xffffffffu >> (31u - high));
 }
 
-fn is_occupied(tile: u32, stretch: Stretch) -> bool {
-    let bins = bins_of(stretch);
+fn is_occupied(tile: u32, segment: Segment) -> bool {
+    let bins = bins_of(segment);
     for (var word = bins.x / 32u; word <= bins.y / 32u; word++) {
         if (tiles[tile].occupied[word] & bits_of(bins, word)) != 0u {
             return true;
@@ -119,10 +119,10 @@ fn is_occupied(tile: u32, stretch: Stretch) -> bool {
     return false;
 }
 
-fn is_in_window(origin: vec2<u32>, stretch: Stretch, sheet: u32) -> bool {
-    let at = vec2<u32>(vec2<i32>(origin + params.pad) + offset_of(stretch)) / params.block;
-    let window = 8u * ((at.y * params.blocks_across + at.x) * params.sheets + sheet);
-    let bins = bins_of(stretch);
+fn is_in_window(origin: vec2<u32>, segment: Segment, layer: u32) -> bool {
+    let at = vec2<u32>(vec2<i32>(origin + params.pad) + offset_of(segment)) / params.block;
+    let window = 8u * ((at.y * params.blocks_across + at.x) * params.layers + layer);
+    let bins = bins_of(segment);
     for (var word = bins.x / 32u; word <= bins.y / 32u; word++) {
         if (windows[window + word] & bits_of(bins, word)) != 0u {
             return true;
@@ -131,17 +131,17 @@ fn is_in_window(origin: vec2<u32>, stretch: Stretch, sheet: u32) -> bool {
     return false;
 }
 
-// Picks the stretches of a view, as many as there is room for.
-fn look(tile: u32, view: u32, slot: u32) {
+// Picks the segments of a sample, as many as there is room for.
+fn look(tile: u32, sample: u32, slot: u32) {
     var count = 0u;
-    let path = view_at(view);
+    let path = view_at(sample);
     var i = path.first;
-    while i < path.end && count + params.sheets <= CAPACITY {
-        let stretch = stretch_at(i);
-        if is_occupied(tile, stretch) {
-            for (var sheet = 0u; sheet < params.sheets; sheet++) {
-                if is_in_window(tiles[tile].origin, stretch, sheet) {
-                    met[slot * CAPACITY + count] = vec2(i, sheet);
+    while i < path.end && count + params.layers <= CAPACITY {
+        let segment = stretch_at(i);
+        if is_occupied(tile, segment) {
+            for (var layer = 0u; layer < params.layers; layer++) {
+                if is_in_window(tiles[tile].origin, segment, layer) {
+                    met[slot * CAPACITY + count] = vec2(i, layer);
                     count++;
                 }
             }
@@ -152,16 +152,16 @@ fn look(tile: u32, view: u32, slot: u32) {
     not_looked[slot] = i;
 }
 
-// Which of the rows see a view, a bit for each.
-fn rows_that_see(view: View, rows: u32) -> u32 {
-    if view.columns == 0u {
+// Which of the rows see a sample, a bit for each.
+fn rows_that_see(sample: LensSample, rows: u32) -> u32 {
+    if sample.columns == 0u {
         return rows;
     }
     var seen = 0u;
     for (var row = 0u; row < ROWS; row++) {
         if (rows & (1u << row)) != 0u {
             let y = u32(place.y) + 4u * row;
-            let columns = paths[view.columns + y / 4u][y % 4u];
+            let columns = paths[sample.columns + y / 4u][y % 4u];
             let x = u32(place.x);
             seen |= select(0u, 1u << row, x >= (columns & 0xffffu) && x < (columns >> 16u));
         }
@@ -170,29 +170,29 @@ fn rows_that_see(view: View, rows: u32) -> u32 {
 }
 
 // Whether a ray passes through the part of its pixel that a cell covers.
-fn is_covered(cell: u32, at: vec2<i32>, slope: vec2<f32>, stretch: Stretch) -> bool {
+fn is_covered(cell: u32, at: vec2<i32>, slope: vec2<f32>, segment: Segment) -> bool {
     let number = half_planes[cell];
     if number == 0u {
         return true;
     }
-    let words = params.sheets * params.size.x * params.size.y + 3u * (number - 1u);
+    let words = params.layers * params.size.x * params.size.y + 3u * (number - 1u);
     let normal = vec2(bitcast<f32>(half_planes[words]), bitcast<f32>(half_planes[words + 1u]))
         * mirroring(params.size, at.x, at.y);
-    let ray = slope * f32(farthest(codes[cell])) + stretch.base;
+    let ray = slope * f32(farthest(codes[cell])) + segment.base;
     return normal.x * ray.x + normal.y * ray.y <= bitcast<f32>(half_planes[words + 2u]);
 }
 
-// The cell that a pixel meets in one stretch of one sheet, if it waits for one.
-fn cell_met(row: u32, slope: vec2<f32>, stretch: Stretch, first: vec2<i32>, column: u32, sheet: u32) -> u32 {
+// The cell that a pixel meets in one segment of one layer, if it waits for one.
+fn cell_met(row: u32, slope: vec2<f32>, segment: Segment, first: vec2<i32>, column: u32, layer: u32) -> u32 {
     if (waiting & (1u << row)) == 0u {
         return NO_CELL;
     }
     let at = vec2(first.x, first.y + 4 * i32(row));
-    let line = sheet * params.size.y + u32(mirrored(at.y, i32(params.size.y)));
+    let line = layer * params.size.y + u32(mirrored(at.y, i32(params.size.y)));
     let cell = line * params.size.x + column;
     let depths = codes[cell];
-    let hit = nearest(depths) >= (stretch.codes & 0xffffu) && farthest(depths) < (stretch.codes >> 16u);
-    if !hit || !is_covered(cell, at, slope, stretch) {
+    let hit = nearest(depths) >= (segment.codes & 0xffffu) && farthest(depths) < (segment.codes >> 16u);
+    if !hit || !is_covered(cell, at, slope, segment) {
         return NO_CELL;
     }
     waiting &= ~(1u << row);
@@ -207,34 +207,34 @@ fn color_of(cell: u32) -> vec4<f32> {
     return drawn[cell];
 }
 
-// Gives the waiting pixels the cells that they meet in one stretch of one sheet.
-fn meet(view: View, i: u32, sheet: u32) {
-    let stretch = stretch_at(i);
-    let slope = select(view.behind, view.in_front, i < view.focus);
-    let first = place + offset_of(stretch);
+// Gives the waiting pixels the cells that they meet in one segment of one layer.
+fn meet(sample: LensSample, i: u32, layer: u32) {
+    let segment = stretch_at(i);
+    let slope = select(sample.behind, sample.in_front, i < sample.focus);
+    let first = place + offset_of(segment);
     let column = u32(mirrored(first.x, i32(params.size.x)));
-    sum_0 += color_of(cell_met(0u, slope, stretch, first, column, sheet));
-    sum_1 += color_of(cell_met(1u, slope, stretch, first, column, sheet));
-    sum_2 += color_of(cell_met(2u, slope, stretch, first, column, sheet));
-    sum_3 += color_of(cell_met(3u, slope, stretch, first, column, sheet));
+    sum_0 += color_of(cell_met(0u, slope, segment, first, column, layer));
+    sum_1 += color_of(cell_met(1u, slope, segment, first, column, layer));
+    sum_2 += color_of(cell_met(2u, slope, segment, first, column, layer));
+    sum_3 += color_of(cell_met(3u, slope, segment, first, column, layer));
 }
 
-// Follows one view, whose stretches have been picked.
-fn follow(tile: u32, view: View, slot: u32) {
+// Follows one sample, whose segments have been picked.
+fn follow(tile: u32, sample: LensSample, slot: u32) {
     for (var i = 0u; i < met_count[slot] && waiting != 0u; i++) {
         let found = met[slot * CAPACITY + i];
-        meet(view, found.x, found.y);
+        meet(sample, found.x, found.y);
     }
-    for (var i = not_looked[slot]; i < view.end && waiting != 0u; i++) {
+    for (var i = not_looked[slot]; i < sample.end && waiting != 0u; i++) {
         if is_occupied(tile, stretch_at(i)) {
-            for (var sheet = 0u; sheet < params.sheets; sheet++) {
-                meet(view, i, sheet);
+            for (var layer = 0u; layer < params.layers; layer++) {
+                meet(sample, i, layer);
             }
         }
     }
 }
 
-// The mean over all views that count.
+// The mean over all samples that count.
 fn mean(sum: vec4<f32>, count: f32, pixel: u32) -> vec4<f32> {
     if count > 0.0 {
         return sum / count;
@@ -266,7 +266,7 @@ fn sum_at(rows: u32, own: vec2<u32>, row: u32) -> vec4<f32> {
     return sum;
 }
 
-// Writes a pixel: the mean after its last view, else what has been summed up so far.
+// Writes a pixel: the mean after its last sample, else what has been summed up so far.
 fn write(rows: u32, own: vec2<u32>, row: u32, sum: vec4<f32>, left_out: f32, count: f32, is_last: bool) {
     if (rows & (1u << row)) == 0u {
         return;
@@ -292,7 +292,7 @@ fn sweep(
     let tile = group.x;
     let own = tiles[tile].origin + vec2(thread.x, ROWS * 4u * group.y + thread.y);
     place = vec2<i32>(own);
-    if params.first_view >= tiles[tile].views {
+    if params.first_sample >= tiles[tile].samples {
         // An earlier pass was its last.
         return;
     }
@@ -302,7 +302,7 @@ fn sweep(
         rows |= select(0u, 1u << row, all(vec2(own.x, own.y + 4u * row) < params.size));
     }
     var left_out = vec4<f32>();
-    if params.first_view > 0u {
+    if params.first_sample > 0u {
         left_out = vec4(
             left_out_at(rows, own, 0u),
             left_out_at(rows, own, 1u),
@@ -314,26 +314,26 @@ fn sweep(
         sum_2 = sum_at(rows, own, 2u);
         sum_3 = sum_at(rows, own, 3u);
     }
-    let count = min(tiles[tile].views, params.end_view);
-    for (var batch = params.first_view; batch < count; batch += BATCH) {
+    let count = min(tiles[tile].samples, params.end_sample);
+    for (var batch = params.first_sample; batch < count; batch += BATCH) {
         workgroupBarrier();
-        let first = tiles[tile].first_view + batch;
+        let first = tiles[tile].first_sample + batch;
         let here = min(BATCH, count - batch);
         if index < here {
             look(tile, first + index, index);
         }
         workgroupBarrier();
         for (var slot = 0u; slot < here; slot++) {
-            let view = view_at(first + slot);
-            let seeing = rows_that_see(view, rows);
+            let sample = view_at(first + slot);
+            let seeing = rows_that_see(sample, rows);
             waiting = seeing;
-            follow(tile, view, slot);
+            follow(tile, sample, slot);
             let missed = select(waiting, 0u, params.missed == MISSED_NOTHING);
             let out = (rows & ~seeing) | missed;
             left_out += vec4<f32>((vec4(out) >> vec4(0u, 1u, 2u, 3u)) & vec4(1u));
         }
     }
-    let is_last = count == tiles[tile].views;
+    let is_last = count == tiles[tile].samples;
     write(rows, own, 0u, sum_0, left_out.x, f32(count), is_last);
     write(rows, own, 1u, sum_1, left_out.y, f32(count), is_last);
     write(rows, own, 2u, sum_2, left_out.z, f32(count), is_last);

@@ -1,4 +1,4 @@
-// One widening pass: diffusion to four neighbours at a distance, along each surface: cpu/lens/footprint.rs.
+// One widening pass: diffusion to four neighbours at a distance, along each surface: cpu/lens/widen.rs.
 
 struct Params {
     size: vec2<u32>,
@@ -32,8 +32,8 @@ fn widen(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(id.xy >= params.size) {
         return;
     }
-    let sheet = id.z * params.size.x * params.size.y;
-    let own = sheet + id.y * params.size.x + id.x;
+    let layer = id.z * params.size.x * params.size.y;
+    let own = layer + id.y * params.size.x + id.x;
     let s = shifts[own];
     let own_wanted = wanted(s);
     var color = colors[own];
@@ -43,7 +43,7 @@ fn widen(@builtin(global_invocation_id) id: vec3<u32>) {
         if any(at < vec2(0)) || any(at >= vec2<i32>(params.size)) {
             continue;
         }
-        let other = sheet + u32(at.y) * params.size.x + u32(at.x);
+        let other = layer + u32(at.y) * params.size.x + u32(at.x);
         // What two cells exchange is the mean of what both want.
         if abs(s - shifts[other]) < params.connected_px * f32(params.reach) {
             color += 0.5 * (own_wanted + wanted(shifts[other])) * (colors[other] - colors[own]);

@@ -1,25 +1,7 @@
-//! What lies beyond the border of the picture: its mirror image.
+//! Rows of a picture with a mirrored margin, for filters.
 
+use crate::mirror::mirrored;
 use crate::picture::Size;
-
-/// Half-sample symmetric extension, however far out: `.. 1 0 | 0 1 2 .. n-1 | n-1 n-2 ..`. The index, and whether
-/// it is a mirror image.
-pub fn mirrored(i: i64, n: usize) -> (usize, bool) {
-    let i = i.rem_euclid(2 * n as i64) as usize;
-    if i < n { (i, false) } else { (2 * n - 1 - i, true) }
-}
-
-/// Fills `out` with a row from index `first` on, continued as its mirror image.
-pub fn read_mirrored(row: &[f32], first: i64, out: &mut [f32]) {
-    let inside = |i: i64| (i - first).clamp(0, out.len() as i64) as usize;
-    let (start, end) = (inside(0), inside(row.len() as i64));
-    if start < end {
-        out[start..end].copy_from_slice(&row[(first + start as i64) as usize..][..end - start]);
-    }
-    for i in (0..start).chain(end.max(start)..out.len()) {
-        out[i] = row[mirrored(first + i as i64, row.len()).0];
-    }
-}
 
 /// Columns that filters work on at once: so many that the compiler makes vector loops of them. Rows of a window are
 /// long enough for whole blocks.
@@ -99,24 +81,6 @@ pub fn block<const N: usize>(plane: &[f32], at: usize) -> &[f32; N] {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn mirrors_repeat_the_edge_pixel() {
-        let at = |i| mirrored(i, 3).0;
-        assert_eq!((-7..10).map(at).collect::<Vec<_>>(), [0, 0, 1, 2, 2, 1, 0, 0, 1, 2, 2, 1, 0, 0, 1, 2, 2]);
-        assert_eq!((-2..2).map(|i| mirrored(i, 1).0).collect::<Vec<_>>(), [0; 4]);
-    }
-
-    #[test]
-    fn rows_are_read_with_their_mirror_image() {
-        let row: Vec<f32> = (0..7).map(|x| x as f32).collect();
-        for (first, n) in [(-3, 5), (-9, 40), (2, 3), (5, 6), (11, 4)] {
-            let mut out = vec![-1.0; n];
-            read_mirrored(&row, first, &mut out);
-            let expected = (0..n).map(|i| mirrored(first + i as i64, 7).0 as f32);
-            assert_eq!(out, expected.collect::<Vec<_>>());
-        }
-    }
 
     #[test]
     fn windows_continue_the_picture_as_its_mirror_image() {

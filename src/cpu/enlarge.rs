@@ -1,7 +1,7 @@
 //! Linear interpolation between the centres of pixels that are larger than the picture's.
 
-use super::border::mirrored;
-use super::simd::Simd;
+use crate::mirror::mirrored;
+use crate::simd::Simd;
 
 /// A target whose pixels are `scale` times as large along each axis; `scale` is a power of two.
 pub struct Enlarge {

@@ -1,14 +1,14 @@
 //! Carries out [`plan::gaussian`](crate::plan::gaussian).
 
-use super::border::{BLOCK, block, mirrored};
-use super::rows::{interleave, mix, render_bands, with_channels};
-use super::simd::Simd;
-use crate::cancel::Cancel;
+use super::border::{BLOCK, block};
+use super::job::Job;
 use crate::error::Result;
 use crate::memory::Buffer;
-use crate::optics::Optics;
+use crate::mirror::mirrored;
 use crate::picture::{Layer, Size};
 use crate::plan::gaussian::{Plan, REACH, Settings};
+use crate::rows::{interleave, mix, render_bands, with_channels};
+use crate::simd::Simd;
 use rayon::prelude::*;
 
 /// Rows of the half-size copy that are worked on at once.
@@ -19,15 +19,8 @@ const MARGIN: usize = REACH + 1;
 const ROW_BLOCK: usize = 64;
 
 /// The picture, interleaved.
-pub fn render(
-    layer: &Layer,
-    size: Size,
-    optics: &Optics,
-    settings: &Settings,
-    simd: Simd,
-    cancel: &Cancel,
-    out: &mut [f32],
-) -> Result<()> {
+pub fn render(job: &Job, settings: &Settings, out: &mut [f32]) -> Result<()> {
+    let Job { front: layer, size, optics, simd, cancel } = *job;
     let plan = Plan::new(settings, optics);
     let input = Input { layer, size, half: (size.width.div_ceil(2), size.height.div_ceil(2)) };
     // Rows of the half-size copy, blurred along x: one line for each weighted colour and one for the weights.

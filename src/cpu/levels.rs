@@ -1,27 +1,20 @@
 //! Carries out [`plan::levels`](crate::plan::levels).
 
-use super::border::mirrored;
 use super::enlarge::Enlarge;
-use super::rows::{render_rows, with_channels};
-use super::simd::Simd;
-use crate::cancel::Cancel;
+use super::job::Job;
 use crate::error::Result;
 use crate::memory::Buffer;
+use crate::mirror::mirrored;
 use crate::optics::Optics;
-use crate::picture::{Layer, Size};
+use crate::picture::Size;
 use crate::plan::levels::{KEPT, Plan, STEPS, Settings};
+use crate::rows::{render_rows, with_channels};
+use crate::simd::Simd;
 use rayon::prelude::*;
 
 /// The picture, interleaved.
-pub fn render(
-    layer: &Layer,
-    size: Size,
-    optics: &Optics,
-    settings: &Settings,
-    simd: Simd,
-    cancel: &Cancel,
-    out: &mut [f32],
-) -> Result<()> {
+pub fn render(job: &Job, settings: &Settings, out: &mut [f32]) -> Result<()> {
+    let Job { front: layer, size, optics, simd, cancel } = *job;
     let plan = Plan::new(settings, optics.largest_radius_px(layer.disparity_range()));
 
     let small =

@@ -1,10 +1,10 @@
 //! Carries out [`plan::magnify`](crate::plan::magnify).
 
-use super::rows::render_rows;
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::picture::Size;
 use crate::plan::magnify::{Source, sources};
+use crate::rows::render_rows;
 
 /// An interleaved picture with every channel magnified about `centre`; what lies beyond the border is its mirror image.
 ///

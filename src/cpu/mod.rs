@@ -1,17 +1,17 @@
-//! The CPU path: what carries the plans out.
+//! The CPU path: what carries the plans out. [`render`] is the way of a picture; a method is a file, or a folder.
 
-pub mod border;
-pub mod enlarge;
-pub mod falloff;
-pub mod gaussian;
-pub mod hexagonal;
-pub mod lens;
-pub mod levels;
-pub mod magnify;
-pub mod poisson;
-pub mod resolve;
-pub mod rows;
-pub mod simd;
-pub mod sprites;
-pub mod taps;
-pub mod tiles;
+mod border;
+mod enlarge;
+mod falloff;
+mod gaussian;
+mod hexagonal;
+mod job;
+mod lens;
+mod levels;
+mod magnify;
+mod poisson;
+pub mod render;
+mod resolve;
+mod sprites;
+mod taps;
+mod tiles;

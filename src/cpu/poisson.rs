@@ -1,13 +1,11 @@
 //! Carries out [`plan::poisson`](crate::plan::poisson).
 
 use super::border::{Window, block};
-use super::rows::{greater, interleave, lesser, mix, render_bands, with_channels};
-use super::simd::Simd;
-use crate::cancel::Cancel;
+use super::job::Job;
 use crate::error::Result;
-use crate::optics::Optics;
-use crate::picture::{Layer, Size};
+use crate::picture::Size;
 use crate::plan::poisson::{LeakTest, Plan, Settings, Tap};
+use crate::rows::{greater, interleave, lesser, mix, render_bands, with_channels};
 
 /// Rows that are worked on at once, or as many as the margin has if that is more.
 const BAND: usize = 16;
@@ -15,15 +13,8 @@ const BAND: usize = 16;
 const LANES: usize = 16;
 
 /// The picture, interleaved.
-pub fn render(
-    layer: &Layer,
-    size: Size,
-    optics: &Optics,
-    settings: &Settings,
-    simd: Simd,
-    cancel: &Cancel,
-    out: &mut [f32],
-) -> Result<()> {
+pub fn render(job: &Job, settings: &Settings, out: &mut [f32]) -> Result<()> {
+    let Job { front: layer, size, optics, simd, cancel } = *job;
     let plan = Plan::new(settings, optics);
     // The colours, then disparity, then blurriness.
     let planes = Size { channels: size.channels + 2, ..size };

@@ -1,27 +1,18 @@
 //! Carries out [`plan::taps`](crate::plan::taps).
 
 use super::border::{BLOCK, Window, block};
-use super::rows::{interleave, render_bands, with_channels};
-use super::simd::Simd;
-use crate::cancel::Cancel;
+use super::job::Job;
 use crate::error::Result;
-use crate::optics::Optics;
-use crate::picture::{Layer, Size};
+use crate::picture::Size;
 use crate::plan::taps::{Mix, Plan, Settings, Tap};
+use crate::rows::{interleave, render_bands, with_channels};
 
 /// Rows that are worked on at once.
 const BAND: usize = 16;
 
 /// The picture, interleaved.
-pub fn render(
-    layer: &Layer,
-    size: Size,
-    optics: &Optics,
-    settings: &Settings,
-    simd: Simd,
-    cancel: &Cancel,
-    out: &mut [f32],
-) -> Result<()> {
+pub fn render(job: &Job, settings: &Settings, out: &mut [f32]) -> Result<()> {
+    let Job { front: layer, size, optics, simd, cancel } = *job;
     let plan = Plan::new(settings, optics);
     // The colours, and the blur factor as the last plane.
     let planes = Size { channels: size.channels + 1, ..size };

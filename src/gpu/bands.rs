@@ -12,7 +12,7 @@ const ALIGNMENT: usize = 64;
 
 /// What a method needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Need {
+pub struct Requirements {
     /// Bytes of its largest buffer, for every pixel.
     pub bytes_per_px: usize,
     /// Pixels that this buffer has on every side of the frame.
@@ -23,10 +23,10 @@ pub struct Need {
     pub block_px: usize,
 }
 
-impl Need {
+impl Requirements {
     /// Of a method that looks so far and whose other buffers are no larger than the picture.
-    pub fn reaching(reach_px: usize) -> Need {
-        Need { bytes_per_px: 0, around_px: 0, reach_px, block_px: 1 }
+    pub fn reaching(reach_px: usize) -> Requirements {
+        Requirements { bytes_per_px: 0, around_px: 0, reach_px, block_px: 1 }
     }
 }
 
@@ -45,7 +45,7 @@ pub fn split(
     most_bytes: usize,
     size: Size,
     layers: usize,
-    need: Need,
+    need: Requirements,
     step: usize,
     source: impl Fn(Range<usize>) -> Range<usize>,
 ) -> Result<Vec<Band>, usize> {
@@ -81,7 +81,7 @@ mod tests {
     const SIZE: Size = Size { width: 100, height: 1500, channels: 3 };
 
     fn bands(most_bytes: usize, reach_px: usize, step: usize) -> Result<Vec<Band>, usize> {
-        let need = Need { bytes_per_px: 16, block_px: 2, ..Need::reaching(reach_px) };
+        let need = Requirements { bytes_per_px: 16, block_px: 2, ..Requirements::reaching(reach_px) };
         split(most_bytes, SIZE, 1, need, step, |rows| rows)
     }
 

@@ -4,8 +4,7 @@ use super::commands::Bound::{Read, Write};
 use super::commands::{Commands, groups, pixels};
 use super::shader::{Shader, shader, shared};
 use crate::error::Result;
-use crate::picture::Size;
-use crate::render::{COVERAGE, channels_at};
+use crate::picture::{COVERAGE, Size, channels_at};
 
 pub const BY_FOCUS: Shader = shader!("by_focus", [], [Params]);
 

@@ -5,7 +5,6 @@ use super::shader::Shader;
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::picture::Size;
-use crate::render::PassTime;
 use bytemuck::Pod;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -23,6 +22,15 @@ const COPIED: usize = 1 << 18;
 const MAX_SPARE_BACK: usize = 2;
 /// Pixels along each axis of the workgroups of passes over frames.
 pub const GROUP: usize = 16;
+
+/// How long one pass took on a GPU.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PassTime {
+    /// The shader.
+    pub name: &'static str,
+    /// Its time on the device.
+    pub seconds: f64,
+}
 
 /// A buffer as a pass uses it.
 #[derive(Clone, Copy)]

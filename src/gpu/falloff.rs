@@ -1,15 +1,15 @@
-//! The picture darkened away from the axis; as [`cpu::falloff`](crate::cpu::falloff).
+//! The picture darkened away from the axis; as `cpu::falloff`.
 
 use super::commands::Bound::{Read, Write};
 use super::commands::{Commands, groups, pixels};
-use super::lens::clip::Barrel;
+use super::lens::optical_vignetting::SecondStop;
 use super::shader::{Shader, shader, shared};
-use crate::cpu::lens::Clip;
 use crate::error::Result;
 use crate::optics::Falloff;
 use crate::picture::Size;
+use crate::plan::lens::optical_vignetting::PupilClip;
 
-pub const FALLOFF: Shader = shader!("falloff", ["lens/clip"], [Params, Barrel]);
+pub const FALLOFF: Shader = shader!("falloff", ["lens/optical_vignetting"], [Params, SecondStop]);
 
 shared! {
     struct Params {
@@ -18,7 +18,7 @@ shared! {
         per_focal: f32,
         lights: u32,
         _gap: [u32; 2],
-        barrel: Barrel,
+        second_stop: SecondStop,
     }
 }
 
@@ -29,16 +29,16 @@ pub fn darken(
     size: Size,
     lights: usize,
     falloff: &Falloff,
-    clip: Option<&Clip>,
+    clip: Option<&PupilClip>,
 ) -> Result<()> {
-    let (barrel, open) = Barrel::new(clip, [0.0; 2], 0);
+    let (second_stop, open) = SecondStop::new(clip, [0.0; 2], 0);
     let params = Params {
         size: pixels(size),
         centre: falloff.centre.map(|v| v as f32),
         per_focal: falloff.natural_focal_px.map_or(0.0, f64::recip) as f32,
         lights: lights as u32,
         _gap: [0; 2],
-        barrel,
+        second_stop,
     };
     let open = commands.gpu.upload("the open parts", &open)?;
     let on_all = groups(size.width, size.height);

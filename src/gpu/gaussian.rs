@@ -1,9 +1,9 @@
 //! Carries out [`plan::gaussian`](crate::plan::gaussian).
 
-use super::bands::Need;
+use super::bands::Requirements;
 use super::commands::Bound::{Read, Write};
 use super::commands::{Commands, groups, pixels};
-use super::resident::Resident;
+use super::picture::GpuPicture;
 use super::shader::{Defocus, Shader, shader, shared};
 use crate::error::Result;
 use crate::optics::Optics;
@@ -52,14 +52,14 @@ shared! {
 }
 
 /// What it needs of a device: interpolation and halving look a texel farther than the blur.
-pub fn need() -> Need {
-    Need { block_px: 2, ..Need::reaching(2 * (REACH + 3)) }
+pub fn requirements() -> Requirements {
+    Requirements { block_px: 2, ..Requirements::reaching(2 * (REACH + 3)) }
 }
 
 /// The picture.
 pub fn render(
     commands: &mut Commands,
-    scene: &Resident,
+    scene: &GpuPicture,
     optics: &Optics,
     settings: &Settings,
 ) -> Result<wgpu::Buffer> {

@@ -1,9 +1,9 @@
 //! Carries out [`plan::hexagonal`](crate::plan::hexagonal).
 
-use super::bands::Need;
+use super::bands::Requirements;
 use super::commands::Bound::{Read, Write};
 use super::commands::{Commands, groups, pixels};
-use super::resident::Resident;
+use super::picture::GpuPicture;
 use super::shader::{Defocus, Shader, shader, shared};
 use crate::error::Result;
 use crate::optics::{Measure, Optics};
@@ -87,17 +87,17 @@ impl Lines {
 }
 
 /// What it needs of a device.
-pub fn need(settings: &Settings, largest_px: f64) -> Need {
+pub fn requirements(settings: &Settings, largest_px: f64) -> Requirements {
     let (second, both) = Plan::new(settings, largest_px.min(settings.max_coc_px)).margins();
     let around_px = second.left.max(second.right).max(second.above).max(second.below);
     let bytes_per_px = size_of::<Texel>();
-    Need { bytes_per_px, around_px, ..Need::reaching(both.above.max(both.below)) }
+    Requirements { bytes_per_px, around_px, ..Requirements::reaching(both.above.max(both.below)) }
 }
 
 /// The picture.
 pub fn render(
     commands: &mut Commands,
-    scene: &Resident,
+    scene: &GpuPicture,
     optics: &Optics,
     settings: &Settings,
 ) -> Result<wgpu::Buffer> {

@@ -1,9 +1,9 @@
 //! Carries out [`plan::levels`](crate::plan::levels).
 
-use super::bands::Need;
+use super::bands::Requirements;
 use super::commands::Bound::{Read, Write};
 use super::commands::{Commands, groups, pixels};
-use super::resident::Resident;
+use super::picture::GpuPicture;
 use super::shader::{Defocus, Shader, shader, shared};
 use crate::error::Result;
 use crate::optics::Optics;
@@ -48,16 +48,16 @@ shared! {
 }
 
 /// What it needs of a device: steps look two pixels of their target far, and the interpolation one.
-pub fn need(settings: &Settings, largest_px: f64) -> Need {
+pub fn requirements(settings: &Settings, largest_px: f64) -> Requirements {
     let scale = Plan::new(settings, largest_px).scale;
     let bytes_per_px = size_of::<[f32; 4]>().div_ceil(scale * scale);
-    Need { bytes_per_px, block_px: scale, ..Need::reaching((2 * STEPS + 2) * scale) }
+    Requirements { bytes_per_px, block_px: scale, ..Requirements::reaching((2 * STEPS + 2) * scale) }
 }
 
 /// The picture.
 pub fn render(
     commands: &mut Commands,
-    scene: &Resident,
+    scene: &GpuPicture,
     optics: &Optics,
     settings: &Settings,
 ) -> Result<wgpu::Buffer> {

@@ -1,9 +1,9 @@
 //! Carries out [`plan::poisson`](crate::plan::poisson).
 
-use super::bands::Need;
+use super::bands::Requirements;
 use super::commands::Bound::{Read, Write};
 use super::commands::{Commands, groups, pixels};
-use super::resident::Resident;
+use super::picture::GpuPicture;
 use super::shader::{Defocus, Shader, shader, shared};
 use crate::error::Result;
 use crate::optics::{Measure, Optics};
@@ -33,14 +33,14 @@ shared! {
 }
 
 /// What it needs of a device.
-pub fn need(settings: &Settings, optics: &Optics) -> Need {
-    Need::reaching(Plan::new(settings, optics).margin)
+pub fn requirements(settings: &Settings, optics: &Optics) -> Requirements {
+    Requirements::reaching(Plan::new(settings, optics).margin)
 }
 
 /// The picture.
 pub fn render(
     commands: &mut Commands,
-    scene: &Resident,
+    scene: &GpuPicture,
     optics: &Optics,
     settings: &Settings,
 ) -> Result<wgpu::Buffer> {

@@ -1,4 +1,4 @@
-//! From a super-sampled picture to the pixels of the output; as [`cpu::resolve`](crate::cpu::resolve).
+//! From a super-sampled picture to the pixels of the output; as `cpu::resolve`.
 
 use super::commands::Bound::{Read, Write};
 use super::commands::{Commands, groups, pixels};

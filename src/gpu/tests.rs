@@ -4,16 +4,16 @@
 use super::adapters;
 use super::commands::Commands;
 use super::device::Gpu;
-use super::process::OfProcess;
+use super::process_local::ProcessLocal;
 use super::{Exposure, Job};
 use crate::cancel::Cancel;
-use crate::cpu::simd::Simd;
 use crate::device::Device;
 use crate::error::Error;
 use crate::optics::{Frame, Imaging, Lens, Strength};
 use crate::picture::{Layer, Picture, Size};
 use crate::plan::taps::{Settings, Variant};
 use crate::render::{Method, Scene};
+use crate::simd::Simd;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Each test has the devices for itself, because it breaks them.
@@ -137,7 +137,7 @@ fn what_the_device_refuses_is_an_error_and_no_panic() {
 #[test]
 fn values_of_a_process_are_dropped_in_it() {
     let value = Arc::new(());
-    let owned = OfProcess::new(Arc::clone(&value));
+    let owned = ProcessLocal::new(Arc::clone(&value));
     assert!(owned.get().is_some());
     drop(owned);
     assert_eq!(Arc::strong_count(&value), 1);

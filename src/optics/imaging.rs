@@ -21,17 +21,17 @@ pub struct Frame {
 /// The second stop of a lens's barrel: from pixel `p` it seems to be moved across the opening to `c(p) = per_px (p -
 /// centre)`, in radii of the opening, and clips it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Barrel {
+pub struct SecondStop {
     /// The pixel on the axis.
     pub centre: [f64; 2],
     /// Radii of the opening a pixel.
     pub per_px: f64,
 }
 
-impl Barrel {
+impl SecondStop {
     /// The same for the part of the frame that begins with row `y`.
-    pub fn from_row(&self, y: usize) -> Barrel {
-        Barrel { centre: [self.centre[0], self.centre[1] - y as f64], ..*self }
+    pub fn from_row(&self, y: usize) -> SecondStop {
+        SecondStop { centre: [self.centre[0], self.centre[1] - y as f64], ..*self }
     }
 
     /// The centre of the second stop, as seen from a pixel.
@@ -46,7 +46,7 @@ impl Barrel {
 pub struct Falloff {
     /// The pixel on the axis.
     pub centre: [f64; 2],
-    /// Whether what the barrel clips is missing.
+    /// Whether what the second stop clips is missing.
     pub optical: bool,
     /// Focal length in pixels, if light falls off with the fourth power of the cosine.
     pub natural_focal_px: Option<f64>,
@@ -75,7 +75,7 @@ pub struct Imaging {
     /// Magnification of the red, green and blue pictures about [`FocusSurface::centre`].
     pub magnification: [f64; 3],
     /// The second stop, if it clips anything.
-    pub barrel: Option<Barrel>,
+    pub second_stop: Option<SecondStop>,
     /// How the picture darkens, if it does.
     pub falloff: Option<Falloff>,
 }
@@ -85,9 +85,9 @@ impl Imaging {
     pub fn from_row(&self, y: usize) -> Imaging {
         let moved = |[cx, cy]: [f64; 2]| [cx, cy - y as f64];
         let surface = FocusSurface { centre: moved(self.surface.centre), ..self.surface };
-        let barrel = self.barrel.map(|own| own.from_row(y));
+        let second_stop = self.second_stop.map(|own| own.from_row(y));
         let falloff = self.falloff.map(|own| Falloff { centre: moved(own.centre), ..own });
-        Imaging { surface, barrel, falloff, ..*self }
+        Imaging { surface, second_stop, falloff, ..*self }
     }
 
     /// The lens as one channel has it. Channels beyond three, coverage, are green's.
@@ -166,15 +166,16 @@ impl Frame {
         let surface = lens.focus_surface(focal_px, centre);
         surface.lean(optics.k)?;
         let half_diagonal = 0.5 * (self.width as f64).hypot(self.height as f64) * self.finer as f64;
-        let flaws = &lens.flaws;
-        let vignetting = flaws.vignetting;
+        let aberrations = &lens.aberrations;
+        let vignetting = aberrations.vignetting;
         let breathing = lens.magnification();
         Ok(Imaging {
             optics,
             surface,
-            axial_color: flaws.axial_color,
-            magnification: flaws.lateral_color.map(|less_1| breathing * (1.0 + less_1)),
-            barrel: (flaws.cat_eye > 0.0).then(|| Barrel { centre, per_px: flaws.cat_eye / half_diagonal }),
+            axial_color: aberrations.axial_color,
+            magnification: aberrations.lateral_color.map(|less_1| breathing * (1.0 + less_1)),
+            second_stop: (aberrations.cat_eye > 0.0)
+                .then(|| SecondStop { centre, per_px: aberrations.cat_eye / half_diagonal }),
             falloff: (vignetting.is_optical() || vignetting.is_natural()).then(|| Falloff {
                 centre,
                 optical: vignetting.is_optical(),

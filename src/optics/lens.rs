@@ -100,7 +100,7 @@ impl Mount {
 pub enum Vignetting {
     /// As bright everywhere.
     None,
-    /// As much darker as the barrel clips the opening.
+    /// As much darker as the second stop clips the opening.
     Optical,
     /// By the fourth power of the cosine of the angle to the axis.
     Natural,
@@ -117,7 +117,7 @@ impl Vignetting {
         ("full", Vignetting::Full),
     ];
 
-    /// Whether light that the barrel clips is missing.
+    /// Whether light that the second stop clips is missing.
     pub fn is_optical(self) -> bool {
         matches!(self, Vignetting::Optical | Vignetting::Full)
     }
@@ -130,23 +130,23 @@ impl Vignetting {
 
 /// What keeps a lens from being a thin lens.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Flaws {
+pub struct Aberrations {
     /// Curvature of the image surface in 1/m: see [`FocusSurface`](super::FocusSurface).
     pub field_curvature: f64,
     /// What is added to the disparity in focus for red, green and blue, in 1/m.
     pub axial_color: [f64; 3],
     /// Magnification of the red, green and blue pictures, less 1.
     pub lateral_color: [f64; 3],
-    /// How far the second stop of the barrel seems to move across the opening from the middle of the picture to its
+    /// How far the second stop of the second stop seems to move across the opening from the middle of the picture to its
     /// corners, in radii of the opening.
     pub cat_eye: f64,
     /// Whether the picture is darker away from its middle.
     pub vignetting: Vignetting,
 }
 
-impl Flaws {
+impl Aberrations {
     /// A thin lens.
-    pub const NONE: Flaws = Flaws {
+    pub const NONE: Aberrations = Aberrations {
         field_curvature: 0.0,
         axial_color: [0.0; 3],
         lateral_color: [0.0; 3],
@@ -163,7 +163,7 @@ pub struct Lens {
     /// How it sits before the sensor.
     pub mount: Mount,
     /// What it does beyond that.
-    pub flaws: Flaws,
+    pub aberrations: Aberrations,
 }
 
 pub(super) fn positive(name: &str, value: f64, what: &str) -> Result<f64> {
@@ -200,7 +200,7 @@ impl Lens {
             return Err(value_error!("fov must be an angle in degrees between 0 and 180; got {fov}"));
         }
         let base = Base::Thin { aperture_radius, focus_distance, fov, fov_axis };
-        Ok(Lens { base, mount: Mount::PLAIN, flaws: Flaws::NONE })
+        Ok(Lens { base, mount: Mount::PLAIN, aberrations: Aberrations::NONE })
     }
 
     /// A lens over relative disparity: the radius is `strength * |disparity - focus|`.
@@ -218,7 +218,7 @@ impl Lens {
             return Err(value_error!("focus must be a finite disparity; got {focus}"));
         }
         let base = Base::Relative { strength, focus_disparity: focus };
-        Ok(Lens { base, mount: Mount::PLAIN, flaws: Flaws::NONE })
+        Ok(Lens { base, mount: Mount::PLAIN, aberrations: Aberrations::NONE })
     }
 
     /// The same lens, mounted like this.
@@ -265,32 +265,32 @@ impl Lens {
         Ok(Lens { mount, ..self })
     }
 
-    /// The same lens with these flaws.
-    pub fn flawed(self, flaws: Flaws) -> Result<Lens> {
-        within("field_curvature", &[flaws.field_curvature], 1e6, "a curvature in 1/m")?;
-        within("axial_color", &flaws.axial_color, 1e6, "three disparities (red, green, blue)")?;
+    /// The same lens with these aberrations.
+    pub fn flawed(self, aberrations: Aberrations) -> Result<Lens> {
+        within("field_curvature", &[aberrations.field_curvature], 1e6, "a curvature in 1/m")?;
+        within("axial_color", &aberrations.axial_color, 1e6, "three disparities (red, green, blue)")?;
         within(
             "lateral_color",
-            &flaws.lateral_color,
+            &aberrations.lateral_color,
             0.1,
             "three relative magnifications (red, green, blue)",
         )?;
-        if !(0.0..=1.0).contains(&flaws.cat_eye) {
+        if !(0.0..=1.0).contains(&aberrations.cat_eye) {
             return Err(value_error!(
                 "cat_eye must be how far the second stop moves, in radii of the opening, from 0 to 1; got {}",
-                flaws.cat_eye
+                aberrations.cat_eye
             ));
         }
-        if flaws.vignetting.is_optical() && flaws.cat_eye == 0.0 {
+        if aberrations.vignetting.is_optical() && aberrations.cat_eye == 0.0 {
             return Err(value_error!(
                 "vignetting={:?} keeps what cat_eye clips, and cat_eye is 0",
-                if flaws.vignetting.is_natural() { "full" } else { "optical" }
+                if aberrations.vignetting.is_natural() { "full" } else { "optical" }
             ));
         }
         if let Base::Relative { .. } = self.base {
             for (name, given) in [
-                ("field_curvature", flaws.field_curvature != 0.0),
-                ("natural vignetting", flaws.vignetting.is_natural()),
+                ("field_curvature", aberrations.field_curvature != 0.0),
+                ("natural vignetting", aberrations.vignetting.is_natural()),
             ] {
                 if given {
                     return Err(value_error!(
@@ -299,7 +299,7 @@ impl Lens {
                 }
             }
         }
-        Ok(Lens { flaws, ..self })
+        Ok(Lens { aberrations, ..self })
     }
 
     /// Focal length in pixels for a frame of this size; `None` for a relative lens, which has none.
@@ -320,7 +320,7 @@ impl Lens {
             }
             Base::Relative { strength, .. } => Lens::from_disparity(strength, d),
         }?;
-        lens.mounted(self.mount)?.flawed(self.flaws)
+        lens.mounted(self.mount)?.flawed(self.aberrations)
     }
 }
 
@@ -344,10 +344,16 @@ mod tests {
             (thin(f64::INFINITY).mounted(tilted), "tilt"),
             (relative.mounted(tilted), "tilt"),
             (thin(1.0).mounted(Mount { sensor_mm: Some(0.0), ..Mount::PLAIN }), "sensor_mm"),
-            (thin(1.0).flawed(Flaws { cat_eye: 1.5, ..Flaws::NONE }), "cat_eye"),
-            (thin(1.0).flawed(Flaws { vignetting: Vignetting::Full, ..Flaws::NONE }), "vignetting"),
-            (thin(1.0).flawed(Flaws { lateral_color: [0.0, 0.0, 2.0], ..Flaws::NONE }), "lateral_color"),
-            (relative.flawed(Flaws { field_curvature: 1.0, ..Flaws::NONE }), "field_curvature"),
+            (thin(1.0).flawed(Aberrations { cat_eye: 1.5, ..Aberrations::NONE }), "cat_eye"),
+            (
+                thin(1.0).flawed(Aberrations { vignetting: Vignetting::Full, ..Aberrations::NONE }),
+                "vignetting",
+            ),
+            (
+                thin(1.0).flawed(Aberrations { lateral_color: [0.0, 0.0, 2.0], ..Aberrations::NONE }),
+                "lateral_color",
+            ),
+            (relative.flawed(Aberrations { field_curvature: 1.0, ..Aberrations::NONE }), "field_curvature"),
         ] {
             let text = lens.unwrap_err().to_string();
             assert!(text.starts_with(name), "{text}");

@@ -11,7 +11,7 @@
 //!
 //! so a whole frame needs two numbers, `k` and `d_focus`, and no kernel ever sees a focal length. What real lenses do
 //! beyond that comes in around it: a [`FocusSurface`] is taken off the picture's disparity before anything else,
-//! chromatic aberration is a focus and a magnification for each channel, and a [`Barrel`] says which lens
+//! chromatic aberration is a focus and a magnification for each channel, and a [`SecondStop`] says which lens
 //! points a pixel does not see.
 
 mod camera;
@@ -20,8 +20,8 @@ mod lens;
 mod surface;
 
 pub use camera::{SENSORS, Sensor};
-pub use imaging::{Barrel, Falloff, Frame, Imaging};
-pub use lens::{Base, Flaws, FovAxis, Lens, Mount, Strength, Vignetting};
+pub use imaging::{Falloff, Frame, Imaging, SecondStop};
+pub use lens::{Aberrations, Base, FovAxis, Lens, Mount, Strength, Vignetting};
 pub use surface::FocusSurface;
 
 /// What a lens means for one frame size: `t = k (d - d_focus)`.

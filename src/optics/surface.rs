@@ -80,7 +80,7 @@ impl Lens {
                 gradient: slopes(self.mount.tilt_deg).map(|s| -s / (focus_distance * f)),
                 // An image surface of radius R lies tan^2 v^2 / 2R off the sensor, which moves the focus by that over
                 // v^2.
-                curvature: 0.5 * self.flaws.field_curvature / (f * f),
+                curvature: 0.5 * self.aberrations.field_curvature / (f * f),
                 ..flat
             },
             _ => flat,
@@ -88,7 +88,7 @@ impl Lens {
     }
 
     fn has_surface(&self) -> bool {
-        self.mount.tilt_deg != [0.0; 2] || self.flaws.field_curvature != 0.0
+        self.mount.tilt_deg != [0.0; 2] || self.aberrations.field_curvature != 0.0
     }
 
     /// The disparity that has to be in focus on the axis for the focus surface to hold what has disparity `d` at the
@@ -100,7 +100,7 @@ impl Lens {
         // d = d0 (1 - s . u) + h |u|^2 / 2
         let s = slopes(self.mount.tilt_deg);
         let leaning = 1.0 - s[0] * u[0] - s[1] * u[1];
-        let on_axis = (d - 0.5 * self.flaws.field_curvature * (u[0] * u[0] + u[1] * u[1])) / leaning;
+        let on_axis = (d - 0.5 * self.aberrations.field_curvature * (u[0] * u[0] + u[1] * u[1])) / leaning;
         (leaning > 0.0 && on_axis > 0.0).then_some(on_axis)
     }
 
@@ -108,7 +108,7 @@ impl Lens {
     pub fn focused_on_plane(&self, places: [[f64; 3]; 3]) -> Result<Lens> {
         // Each is an equation a + g . u = d, less what the curvature adds.
         let [p, q, r] =
-            places.map(|[x, y, d]| [x, y, d - 0.5 * self.flaws.field_curvature * (x * x + y * y)]);
+            places.map(|[x, y, d]| [x, y, d - 0.5 * self.aberrations.field_curvature * (x * x + y * y)]);
         let [e, f] = [q, r].map(|v| [v[0] - p[0], v[1] - p[1], v[2] - p[2]]);
         let determinant = e[0] * f[1] - e[1] * f[0];
         let (longest, smallest) = (e[0].hypot(e[1]).max(f[0].hypot(f[1])), 1e-6);
@@ -133,12 +133,12 @@ impl Lens {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::{Flaws, FovAxis, Mount};
+    use crate::optics::{Aberrations, FovAxis, Mount};
 
     fn lens(tilt_deg: [f64; 2], field_curvature: f64) -> Lens {
         let lens = Lens::thin(0.05, 3.0, 50.0, FovAxis::X).unwrap();
         let lens = lens.mounted(Mount { tilt_deg, ..Mount::PLAIN }).unwrap();
-        lens.flawed(Flaws { field_curvature, ..Flaws::NONE }).unwrap()
+        lens.flawed(Aberrations { field_curvature, ..Aberrations::NONE }).unwrap()
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The picture at another size, for each channel its own: lateral colour, and a lens that breathes.
 
-use crate::cpu::border::mirrored;
+use crate::mirror::mirrored;
 
 /// Where a row or column of the output comes from.
 #[derive(Debug, Clone, Copy, PartialEq)]

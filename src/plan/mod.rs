@@ -5,6 +5,7 @@
 
 pub mod gaussian;
 pub mod hexagonal;
+pub mod lens;
 pub mod levels;
 pub mod magnify;
 pub mod poisson;

@@ -3,12 +3,12 @@
 use super::errors::choice;
 use super::run::{installed, simd};
 use crate::color::{Sample, Transfer};
-use crate::cpu::rows::{bands, with_channels};
-use crate::cpu::simd::Simd;
 use crate::depth::{DepthKind, Invalid, Rays, disparities, disparity_plane};
 use crate::memory::Buffer;
 use crate::optics::{Base, Frame, Lens};
 use crate::picture::{Layer, Picture, Size};
+use crate::rows::{bands, with_channels};
+use crate::simd::Simd;
 use bytemuck::Pod;
 use half::f16;
 use numpy::ndarray::{ArrayViewD, Axis, Ix2};

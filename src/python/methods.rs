@@ -3,10 +3,10 @@
 use super::aperture::PyAperture;
 use super::errors::{choice, shown};
 use crate::aperture::{Aperture, Feature};
-use crate::cpu::lens;
 use crate::error::{Result, value_error};
+use crate::method::Method;
+use crate::plan::lens;
 use crate::plan::{gaussian, hexagonal, levels, poisson, sprites, taps};
-use crate::render::Method;
 use numpy::PyReadonlyArray2;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -80,7 +80,7 @@ fn read_lens(options: &mut Options) -> PyResult<Method> {
     {
         return Err(value_error!("views must be from 16 to 16384; got {n}").into());
     }
-    Ok(Method::Lens(lens::Settings { aperture: options.aperture(), views, barrel: None }))
+    Ok(Method::Lens(lens::Settings { aperture: options.aperture(), samples: views, second_stop: None }))
 }
 
 fn read_poisson(options: &mut Options) -> PyResult<Method> {

@@ -12,9 +12,10 @@ use super::output::Output;
 use super::run::{installed, simd};
 use crate::depth::{DepthKind, Invalid, Rays, disparity_plane};
 use crate::device::Device;
+use crate::method::Method;
 use crate::optics::{self, Base, Imaging, Lens};
 use crate::picture::Size;
-use crate::render::{Method, PassTime, Scene};
+use crate::renderer::{PassTime, Renderer};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -330,12 +331,12 @@ pub struct PyScene {
     depth_words: (String, Option<f64>, Option<f64>),
     invalid: Invalid,
     /// The scene in disparity, with the rays that it was converted with, where they matter.
-    scene: Mutex<Option<(Option<Rays>, Arc<Scene>)>>,
+    scene: Mutex<Option<(Option<Rays>, Arc<Renderer>)>>,
 }
 
 impl PyScene {
     /// The scene in disparity, as this lens needs it.
-    fn scene(&self, lens: &Lens) -> PyResult<Arc<Scene>> {
+    fn scene(&self, lens: &Lens) -> PyResult<Arc<Renderer>> {
         let (depth_kind, near, far) = (self.depth_words.0.as_str(), self.depth_words.1, self.depth_words.2);
         read_depth_kind(&DepthWords { depth_kind, near, far }, lens)?;
         let size = self.input.size;
@@ -348,7 +349,7 @@ impl PyScene {
             return Ok(scene);
         }
         let picture = self.input.picture(self.kind, rays, self.invalid)?;
-        let scene = Arc::new(Scene::new(picture, self.format().lights(size), self.frame.supersample));
+        let scene = Arc::new(Renderer::new(picture, self.format().lights(size), self.frame.supersample));
         *cached() = Some((rays, Arc::clone(&scene)));
         Ok(scene)
     }
@@ -511,7 +512,7 @@ impl PyScene {
         let focused = distances.iter().map(|&distance| match lens.core.base {
             Base::Thin { aperture_radius, fov, fov_axis, .. } => {
                 let lens_there = Lens::thin(aperture_radius, distance, fov, fov_axis)?;
-                lens_there.mounted(lens.core.mount)?.flawed(lens.core.flaws)
+                lens_there.mounted(lens.core.mount)?.flawed(lens.core.aberrations)
             }
             Base::Relative { .. } => lens.core.focused_at_disparity(distance),
         });

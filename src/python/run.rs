@@ -1,8 +1,8 @@
 //! Running the core off the interpreter lock: worker threads, interruption, panics.
 
 use crate::cancel::Cancel;
-use crate::cpu::simd::Simd;
 use crate::error::Result;
+use crate::simd::Simd;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use rayon::ThreadPool;

@@ -2,11 +2,11 @@
 
 use super::lanes::LANES;
 use super::reach::{Courses, Reach};
-use crate::cpu::border::{mirrored, read_mirrored};
-use crate::cpu::simd::Simd;
+use crate::mirror::{mirrored, read_mirrored};
 use crate::optics::Optics;
 use crate::picture::{Layer, Size};
 use crate::plan::hexagonal::{Margin, Plan};
+use crate::simd::Simd;
 
 /// What is read from.
 pub struct Frame<'a> {

@@ -1,7 +1,7 @@
 //! Several pixels of a row at once.
 
-use crate::cpu::rows::{greater, lesser};
 use crate::plan::hexagonal::Tap;
+use crate::rows::{greater, lesser};
 
 /// Pixels worked on at once.
 pub const LANES: usize = 16;

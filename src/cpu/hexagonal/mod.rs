@@ -5,14 +5,13 @@ mod lanes;
 mod reach;
 mod sums;
 
-use super::rows::{interleave, with_channels};
-use super::simd::Simd;
 use super::tiles::{self, Tile};
 use crate::cancel::Cancel;
+use crate::cpu::job::Job;
 use crate::error::Result;
-use crate::optics::Optics;
 use crate::picture::{Layer, Size};
 use crate::plan::hexagonal::{Line, Plan, Settings, Target};
+use crate::rows::{interleave, with_channels};
 use field::{Field, Frame};
 use lanes::{LANES, Lane, lane};
 use rayon::prelude::*;
@@ -21,15 +20,8 @@ use std::ops::Range;
 use sums::{Layers, NearSum, Own, RestSum};
 
 /// The picture, interleaved.
-pub fn render(
-    layer: &Layer,
-    size: Size,
-    optics: &Optics,
-    settings: &Settings,
-    simd: Simd,
-    cancel: &Cancel,
-    out: &mut [f32],
-) -> Result<()> {
+pub fn render(job: &Job, settings: &Settings, out: &mut [f32]) -> Result<()> {
+    let Job { front: layer, size, optics, simd, cancel } = *job;
     let reach_px = optics.largest_radius_px(layer.disparity_range()).min(settings.max_coc_px) as f32;
     let frame = Frame { layer, size, optics, max_coc_px: settings.max_coc_px, tile: tile_size(reach_px) };
     let plan = Plan::new(settings, f64::from(reach_px));

@@ -1,9 +1,9 @@
 //! From how far light may come to each block of a tile, so that few look-ups are made that find nothing.
 
 use super::lanes::{LANES, Lane, lane, reduce};
-use crate::cpu::rows::{greater, lesser};
-use crate::cpu::simd::Simd;
 use crate::plan::hexagonal::{Line, Plan, Tap};
+use crate::rows::{greater, lesser};
+use crate::simd::Simd;
 
 /// Columns and rows of a block.
 pub const BLOCK: (usize, usize) = (32, 8);

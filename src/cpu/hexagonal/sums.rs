@@ -3,8 +3,8 @@
 use super::field::{Field, Near, Rest};
 use super::lanes::{LANES, Lane, add, lane, lane_mut, parts, product, reduce, whole};
 use super::reach::{Looks, Taps};
-use crate::cpu::rows::{greater, lesser};
 use crate::plan::hexagonal::Tap;
+use crate::rows::{greater, lesser};
 
 #[inline(always)]
 fn look_up(at: usize, tap: Tap, stride: usize) -> usize {

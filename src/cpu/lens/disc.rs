@@ -1,21 +1,18 @@
 //! Tiles that see one closed surface of nearly constant depth: the exact, area-weighted opening by running sums.
 
-use super::colors::Colors;
-use super::kernels::{self, Kernels};
-use super::pack::TILE;
-use super::sweep::TileColor;
+use super::tile_color::TileColor;
 use crate::aperture::Kernel;
 use crate::cancel::Cancel;
-use crate::cpu::border::mirrored;
-use crate::cpu::rows::with_channels;
-use crate::cpu::simd::Simd;
 use crate::error::Result;
-use crate::picture::{Size, range};
-use std::ops::{Add, RangeInclusive, Sub};
-
-/// On a tilted surface a pixel's disc is interpolated between two, this many radius steps apart: a quarter of a
-/// pixel, or a sixteenth for small ones. Only rims differ, by less than the rounding to a single step would cost.
-pub const APART: i32 = 4;
+use crate::mirror::mirrored;
+use crate::picture::Size;
+use crate::plan::lens::disc::{APART, Surface, extent, position, range_of};
+use crate::plan::lens::kernels::Kernels;
+use crate::rows::with_channels;
+use crate::scene::colors::Colors;
+use crate::scene::grid::TILE;
+use crate::simd::Simd;
+use std::ops::{Add, Sub};
 
 /// Pixels convolved together.
 const LANES: usize = 16;
@@ -47,7 +44,7 @@ impl Real for f64 {
 
 /// A tile's surroundings as rows of running sums, with mirrored borders.
 #[derive(Default)]
-pub struct Surroundings<T> {
+pub struct RunningSums<T> {
     reach: usize,
     across: usize,
     down: usize,
@@ -65,7 +62,7 @@ fn group<T>(values: &[T], at: usize) -> &[T; LANES] {
     values[at..].first_chunk().expect("planes are longer by a group")
 }
 
-impl<T: Real> Surroundings<T> {
+impl<T: Real> RunningSums<T> {
     /// Takes in the surroundings of the tile at `origin`.
     fn fill(&mut self, size: Size, colors: &Colors, origin: (usize, usize), reach: usize) {
         let (across, down) = (TILE.0 + 2 * reach, TILE.1 + 2 * reach);
@@ -159,7 +156,7 @@ impl<T: Real> Surroundings<T> {
     }
 }
 
-/// A kernel as lists of places in [`Surroundings`], from that of the square around a pixel on.
+/// A kernel as lists of places in [`RunningSums`], from that of the square around a pixel on.
 struct Disc {
     run_weight: f32,
     /// In the running sums: where runs begin and end.
@@ -201,7 +198,7 @@ impl Gather<'_> {
     pub fn tile<T: Real>(
         &self,
         origin: (usize, usize),
-        around: &mut Surroundings<T>,
+        around: &mut RunningSums<T>,
         out: &mut TileColor,
     ) -> Result<()> {
         let extent = extent(self.size, origin);
@@ -235,7 +232,7 @@ impl Gather<'_> {
     /// next ones take.
     fn tilted_strip<T: Real>(
         &self,
-        around: &Surroundings<T>,
+        around: &RunningSums<T>,
         (first, discs): (i32, &[Disc]),
         origin: (usize, usize),
         x: usize,
@@ -269,7 +266,7 @@ impl Gather<'_> {
 /// Adds the share that each of the pixels from `(x, y)` on has in one disc.
 #[inline(always)]
 fn add_shares<T: Real>(
-    around: &Surroundings<T>,
+    around: &RunningSums<T>,
     disc: &Disc,
     (x, y): (usize, usize),
     shares: &[f32; LANES],
@@ -285,7 +282,7 @@ fn add_shares<T: Real>(
 /// Columns `x .. x + LANES` of a tile of one depth.
 #[inline(always)]
 fn level_strip<T: Real>(
-    around: &Surroundings<T>,
+    around: &RunningSums<T>,
     disc: &Disc,
     x: usize,
     rows: usize,
@@ -302,64 +299,4 @@ fn level_strip<T: Real>(
         }
     }
     Ok(())
-}
-
-/// Columns and rows of the frame in the tile at `origin`.
-fn extent(size: Size, origin: (usize, usize)) -> (usize, usize) {
-    (TILE.0.min(size.width - origin.0), TILE.1.min(size.height - origin.1))
-}
-
-/// Where a shift lies between the discs that are interpolated.
-#[inline(always)]
-fn position(s: f32, s_focus: f64) -> f64 {
-    kernels::position(f64::from(s) - s_focus) / f64::from(APART)
-}
-
-/// The discs between which some positions lie.
-fn range_of(positions: impl Iterator<Item = f64>) -> RangeInclusive<i32> {
-    let (least, greatest) =
-        positions.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)));
-    least.floor() as i32..=greatest.ceil() as i32
-}
-
-/// The surface that a tile shows.
-pub enum Surface {
-    /// All has this shift relative to infinity.
-    Level(f32),
-    /// The discs that its pixels lie between, in steps of [`APART`].
-    Tilted(RangeInclusive<i32>),
-}
-
-impl Surface {
-    /// That of the tile at `origin`.
-    pub fn new(s: &[f32], size: Size, s_focus: f64, origin: (usize, usize)) -> Surface {
-        let extent = extent(size, origin);
-        let rows = (origin.1..origin.1 + extent.1).map(|y| &s[y * size.width + origin.0..][..extent.0]);
-        let (least, greatest) = rows.fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), row| {
-            let [least, greatest] = range(row);
-            (lo.min(least), hi.max(greatest))
-        });
-        if least == greatest {
-            return Surface::Level(least);
-        }
-        // The position rises with the shift, so that the extremes of one are those of the other.
-        Surface::Tilted(range_of([least, greatest].into_iter().map(|s| position(s, s_focus))))
-    }
-
-    /// The radius steps that it needs.
-    pub fn keys(&self) -> impl Iterator<Item = i32> + use<> {
-        let steps = match self {
-            Surface::Level(_) => 0..0,
-            Surface::Tilted(steps) => *steps.start()..*steps.end() + 1,
-        };
-        steps.map(|step| step * APART)
-    }
-
-    /// The shift that it has all over, if any.
-    pub fn level(&self) -> Option<f32> {
-        match self {
-            Surface::Level(s) => Some(*s),
-            Surface::Tilted(_) => None,
-        }
-    }
 }

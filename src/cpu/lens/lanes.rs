@@ -1,6 +1,6 @@
 //! The few operations of the sweep on a row of cells, for each instruction set.
 //!
-//! All faces give the same bits: comparisons are exact, and sums are plain additions in the same order.
+//! All implementations give the same bits: comparisons are exact, and sums are plain additions in the same order.
 
 /// Half-planes of a row of cells, and the ray that tests them.
 #[derive(Clone, Copy)]
@@ -8,22 +8,22 @@ pub struct HalfPlaneRow {
     pub normal_x: *const f32,
     pub normal_y: *const f32,
     pub cut: *const f32,
-    /// Codes of the cells.
+    /// DepthCodes of the cells.
     pub code: *const u16,
     /// Where the ray meets a cell of code `u`, from the cell's centre: `(ax u + bx, ay u + by)`.
-    pub ray: Ray,
+    pub ray: CellRay,
 }
 
 /// See [`HalfPlaneRow::ray`].
 #[derive(Clone, Copy, Debug)]
-pub struct Ray {
+pub struct CellRay {
     pub ax: f32,
     pub bx: f32,
     pub ay: f32,
     pub by: f32,
 }
 
-/// A face of the sweep for one instruction set.
+/// The operations of the sweep in one instruction set.
 ///
 /// # Safety
 ///
@@ -389,7 +389,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// What a face finds and adds up, cell by cell.
+    /// What an implementation finds and adds up, cell by cell.
     unsafe fn found<L: Lanes>(
         of: u32,
         lo: &[u16; 32],
@@ -417,14 +417,14 @@ mod tests {
 
     proptest! {
         #[test]
-        fn faces_find_and_add_what_the_comparison_says(
+        fn lanes_find_and_add_what_the_comparison_says(
             of in any::<u32>(),
             cells in prop::collection::vec((0u16..9, 0u16..9), 32),
             far in any::<bool>(),
             from in 1u16..8,
             codes in 1u16..8,
         ) {
-            // Codes about either end of their range, where signed and unsigned order differ.
+            // DepthCodes about either end of their range, where signed and unsigned order differ.
             let code = |code: u16| if far && code > 0 { u16::MAX - 16 + code } else { code };
             let lo: [u16; 32] = std::array::from_fn(|i| code(cells[i].0.min(cells[i].1)));
             let hi: [u16; 32] = std::array::from_fn(|i| code(cells[i].0.max(cells[i].1)));

@@ -2,11 +2,11 @@
 
 use super::stamp::Stamp;
 use crate::cancel::Cancel;
-use crate::cpu::simd::Simd;
 use crate::error::Result;
 use crate::optics::Optics;
 use crate::picture::{Layer, Size};
 use crate::plan::sprites::{Settings, step};
+use crate::simd::Simd;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::ops::Range;

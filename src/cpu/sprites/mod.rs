@@ -6,28 +6,18 @@ mod stamp;
 mod surroundings;
 mod target;
 
-use super::rows::{interleave, render_rows, with_channels};
-use super::simd::Simd;
-use crate::cancel::Cancel;
+use crate::cpu::job::Job;
 use crate::error::Result;
-use crate::optics::Optics;
-use crate::picture::{Layer, Size};
 use crate::plan::sprites::Settings;
+use crate::rows::{interleave, render_rows, with_channels};
 use light::Light;
 use list::{List, Point};
 use surroundings::Surroundings;
 use target::{Target, light_at};
 
 /// The picture, interleaved.
-pub fn render(
-    layer: &Layer,
-    size: Size,
-    optics: &Optics,
-    settings: &Settings,
-    simd: Simd,
-    cancel: &Cancel,
-    out: &mut [f32],
-) -> Result<()> {
+pub fn render(job: &Job, settings: &Settings, out: &mut [f32]) -> Result<()> {
+    let Job { front: layer, size, optics, simd, cancel } = *job;
     let [in_front, behind] = List::both(layer, size, optics, settings, simd, cancel)?;
     with_channels!(size.channels, C => {
         // What is not in front first, for it also shows past the edges of what is.

@@ -3,10 +3,10 @@
 use super::light::Light;
 use super::list::List;
 use crate::cancel::Cancel;
-use crate::cpu::simd::Simd;
 use crate::error::Result;
 use crate::memory::Buffer;
 use crate::picture::Size;
+use crate::simd::Simd;
 use rayon::prelude::*;
 
 /// Rows that sums run through before they begin anew.

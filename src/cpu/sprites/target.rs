@@ -4,10 +4,10 @@ use super::light::Light;
 use super::list::{Image, List};
 use super::stamp::{QUAD, Stamp};
 use crate::cancel::Cancel;
-use crate::cpu::border::mirrored;
-use crate::cpu::simd::Simd;
 use crate::error::Result;
+use crate::mirror::mirrored;
 use crate::picture::{Layer, Size};
+use crate::simd::Simd;
 use rayon::prelude::*;
 use std::ops::Range;
 

@@ -1,31 +1,30 @@
 //! The colours of cells as they are drawn under one focus: without highlights, widened or sharpened.
 
-use super::cells::Cells;
-use super::pixels;
-use crate::cpu::lens::colors::Own;
-use crate::cpu::lens::footprint::{MAX_WEIGHT, NEXT_CELLS, REACHES, STEPS_PER_PX};
-use crate::cpu::lens::plan::Plan;
-use crate::cpu::lens::surfaces::CONNECTED_PX;
+use super::layered::Cells;
 use crate::error::Result;
 use crate::gpu::commands::Bound::{Read, Write};
-use crate::gpu::commands::{Commands, GROUP, groups};
+use crate::gpu::commands::{Commands, GROUP, groups, pixels};
 use crate::gpu::shader::{Shader, shader, shared};
+use crate::plan::lens::Plan;
+use crate::plan::lens::footprint::{MAX_WEIGHT, NEXT_CELLS, REACHES, STEPS_PER_PX};
+use crate::scene::colors::Own;
+use crate::scene::edges::CONNECTED_PX;
 
-pub const PATCH: Shader = shader!("lens/patch", [], [PatchParams, Patch]);
+pub const REPLACE_COLORS: Shader = shader!("lens/replace_colors", [], [ReplaceParams, Replacement]);
 pub const WIDEN: Shader =
-    shader!("lens/widen", ["border", "lens/cells", "lens/footprint"], [WidenParams, Footprint]);
+    shader!("lens/widen", ["border", "lens/depth_spans", "lens/footprint"], [WidenParams, Footprint]);
 pub const SHARPEN: Shader =
-    shader!("lens/sharpen", ["border", "lens/cells", "lens/footprint"], [SharpenParams, Footprint]);
+    shader!("lens/sharpen", ["border", "lens/depth_spans", "lens/footprint"], [SharpenParams, Footprint]);
 
 shared! {
     /// Of cells that get another colour.
-    struct PatchParams {
+    struct ReplaceParams {
         count: u32,
     }
 }
 
 shared! {
-    struct Patch {
+    struct Replacement {
         color: [f32; 4],
         index: u32,
         _end: [u32; 3],
@@ -59,7 +58,7 @@ shared! {
     /// Of sharpening.
     struct SharpenParams {
         size: [u32; 2],
-        sheets: u32,
+        layers: u32,
         connected_px: f32,
         footprint: Footprint,
     }
@@ -82,32 +81,32 @@ impl Dim {
     }
 }
 
-/// The colours with those of the `dimmed` cells of each sheet.
+/// The colours with those of the `dimmed` cells of each layer.
 pub fn dim(commands: &mut Commands, cells: &Cells, dimmed: &[Vec<Own>]) -> Result<Dim> {
-    let sheets = (0..).step_by(cells.size.pixels()).zip(dimmed);
-    let patches: Vec<Patch> = sheets
+    let layers = (0..).step_by(cells.size.pixels()).zip(dimmed);
+    let replacements: Vec<Replacement> = layers
         .flat_map(|(first, dimmed)| {
-            dimmed.iter().map(move |cell| Patch {
+            dimmed.iter().map(move |cell| Replacement {
                 color: cell.color,
                 index: (first + cell.index) as u32,
                 _end: [0; 3],
             })
         })
         .collect();
-    if patches.is_empty() {
+    if replacements.is_empty() {
         return Ok(Dim::Same);
     }
     let gpu = commands.gpu;
     let colors = commands.scratch::<[f32; 4]>("the colours without highlights", cells.len())?;
     commands.copy(&cells.colors, &colors);
-    let side = (patches.len() as f64).sqrt().ceil() as usize;
-    let params = PatchParams { count: patches.len() as u32 };
-    let patches = gpu.upload("the cells of highlights", &patches)?;
+    let side = (replacements.len() as f64).sqrt().ceil() as usize;
+    let params = ReplaceParams { count: replacements.len() as u32 };
+    let replacements = gpu.upload("the cells of highlights", &replacements)?;
     commands.pass(
-        &PATCH,
+        &REPLACE_COLORS,
         cells.size.channels,
         &params,
-        &[Read(&patches), Write(&colors)],
+        &[Read(&replacements), Write(&colors)],
         groups(side.next_multiple_of(GROUP), side),
     )?;
     Ok(Dim::Own(colors))
@@ -131,7 +130,7 @@ pub fn drawn(
     };
     let variances = gpu.upload("the table of footprints", table)?;
     let [across, down, _] = groups(cells.size.width, cells.size.height);
-    let on_all = [across, down, cells.sheets as u32];
+    let on_all = [across, down, cells.layers as u32];
     let buffer =
         |commands: &mut Commands| commands.scratch::<[f32; 4]>("the colours as they are drawn", cells.len());
 
@@ -163,10 +162,11 @@ pub fn drawn(
         done += MAX_WEIGHT * per_weight;
     }
 
-    let params = SharpenParams { size, sheets: cells.sheets as u32, connected_px: CONNECTED_PX, footprint };
+    let params = SharpenParams { size, layers: cells.layers as u32, connected_px: CONNECTED_PX, footprint };
     let drawn = spare.map_or_else(|| buffer(commands), Ok)?;
     let source = widened.as_ref().unwrap_or(colors);
-    let buffers = [Read(&variances), Read(&cells.shifts), Read(&cells.links), Read(source), Write(&drawn)];
+    let buffers =
+        [Read(&variances), Read(&cells.shifts), Read(&cells.connectivity), Read(source), Write(&drawn)];
     commands.pass(&SHARPEN, channels, &params, &buffers, on_all)?;
     Ok(drawn)
 }

@@ -1,13 +1,13 @@
 //! Tiles that see one closed surface of nearly constant depth.
 
+use super::frame::{LensFrame, MAX_LOOPS, origin, per_pixel};
 use super::kernels::{Disc, Kernels};
-use super::{Frame, MAX_LOOPS, origin, per_pixel, pixels};
-use crate::cpu::lens::disc::APART;
-use crate::cpu::lens::kernels::{COARSE, FINE, SMALL_PX};
 use crate::error::Result;
 use crate::gpu::commands::Bound::{Read, Write};
-use crate::gpu::commands::Commands;
+use crate::gpu::commands::{Commands, pixels};
 use crate::gpu::shader::{Shader, shader, shared};
+use crate::plan::lens::disc::APART;
+use crate::plan::lens::kernels::{COARSE, FINE, SMALL_PX};
 
 pub const SUM_ROWS: Shader = shader!("lens/sum_rows", [], [SumParams]);
 pub const DISC: Shader = shader!("lens/disc", ["border", "lens/kernels"], [DiscParams, Tile]);
@@ -42,9 +42,14 @@ shared! {
     }
 }
 
-/// Draws the tiles from the front sheet's `colors`.
-pub fn pass(commands: &mut Commands, frame: &Frame, kernels: &Kernels, colors: &wgpu::Buffer) -> Result<()> {
-    let Frame { cells, plan, picture, .. } = *frame;
+/// Draws the tiles from the front layer's `colors`.
+pub fn pass(
+    commands: &mut Commands,
+    frame: &LensFrame,
+    kernels: &Kernels,
+    colors: &wgpu::Buffer,
+) -> Result<()> {
+    let LensFrame { cells, plan, picture, .. } = *frame;
     let gpu = commands.gpu;
     if kernels.tiles.is_empty() {
         return Ok(());

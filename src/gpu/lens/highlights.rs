@@ -1,20 +1,20 @@
 //! Bright points.
 
-use super::clip::Barrel;
+use super::frame::{LensFrame, MAX_LOOPS, origin, per_pixel};
 use super::kernels::Kernels;
-use super::{Frame, MAX_LOOPS, origin, per_pixel, pixels};
+use super::optical_vignetting::SecondStop;
 use crate::aperture::Aperture;
-use crate::cpu::lens::blocks::BLOCK;
-use crate::cpu::lens::highlights::Highlights;
 use crate::error::Result;
 use crate::gpu::commands::Bound::{Read, Write};
-use crate::gpu::commands::Commands;
+use crate::gpu::commands::{Commands, pixels};
 use crate::gpu::shader::{Shader, shader, shared};
+use crate::plan::lens::highlights::Highlights;
+use crate::scene::grid::BLOCK;
 
 pub const HIGHLIGHTS: Shader = shader!(
     "lens/highlights",
-    ["border", "lens/cells", "lens/kernels", "lens/clip"],
-    [HighlightsParams, Highlight, Tile, Barrel]
+    ["border", "lens/depth_spans", "lens/kernels", "lens/optical_vignetting"],
+    [HighlightsParams, Highlight, Tile, SecondStop]
 );
 
 shared! {
@@ -23,13 +23,13 @@ shared! {
         padded: [u32; 2],
         pad: i32,
         block: i32,
-        sheets: u32,
+        layers: u32,
         s_focus: f32,
         reach_px: f32,
         s_min: f32,
         step: f32,
         _gap: u32,
-        barrel: Barrel,
+        second_stop: SecondStop,
     }
 }
 
@@ -55,19 +55,19 @@ shared! {
 /// Adds all highlights to the picture.
 pub fn pass(
     commands: &mut Commands,
-    frame: &Frame,
+    frame: &LensFrame,
     kernels: Kernels,
     highlights: &Highlights,
     aperture: &Aperture,
 ) -> Result<()> {
-    let Frame { cells, codes, plan, clip, picture } = *frame;
+    let LensFrame { cells, codes, plan, clip, picture } = *frame;
     let gpu = commands.gpu;
     if highlights.all.is_empty() {
         return Ok(());
     }
     let pad = plan.padding.pad as i32;
     // Each highlight is asked for its weight and followed along a ray.
-    let loops_each = plan.reach_px.ceil() as usize * 2 * (1 + cells.sheets) + kernels.widest_row + 2;
+    let loops_each = plan.reach_px.ceil() as usize * 2 * (1 + cells.layers) + kernels.widest_row + 2;
     let at_once = (MAX_LOOPS / loops_each).max(1);
     let mut lists: Vec<u32> = Vec::new();
     let mut passes: Vec<Vec<Tile>> = Vec::new();
@@ -92,21 +92,21 @@ pub fn pass(
             _end: [0; 3],
         })
         .collect();
-    let nearest: Vec<u32> = plan.blocks.range.iter().map(|(_, nearest)| u32::from(*nearest)).collect();
+    let nearest: Vec<u32> = plan.bounds.range.iter().map(|(_, nearest)| u32::from(*nearest)).collect();
     // The table of open parts comes after the words of the discs.
-    let (barrel, open) = Barrel::new(clip, aperture.lean(), kernels.words.len());
+    let (second_stop, open) = SecondStop::new(clip, aperture.lean(), kernels.words.len());
     let params = HighlightsParams {
         size: pixels(cells.size),
         padded: [plan.padding.stride as u32, plan.padding.rows as u32],
         pad,
         block: BLOCK as i32,
-        sheets: cells.sheets as u32,
+        layers: cells.layers as u32,
         s_focus: plan.s_focus as f32,
         reach_px: plan.reach_px as f32,
         s_min: codes.s_min as f32,
         step: codes.step() as f32,
         _gap: 0,
-        barrel,
+        second_stop,
     };
     let words =
         gpu.upload("the discs", &[kernels.words, open.into_iter().map(f32::to_bits).collect()].concat())?;

@@ -2,13 +2,12 @@
 
 use crate::aperture::{Aperture, Kernel};
 use crate::cancel::Cancel;
-use crate::cpu::lens::Sheets;
-use crate::cpu::lens::disc::{APART, Surface};
-use crate::cpu::lens::highlights::Highlights;
-use crate::cpu::lens::kernels;
-use crate::cpu::lens::plan::Plan;
-use crate::cpu::lens::tiles::{Tile, Work};
 use crate::error::Result;
+use crate::plan::lens::disc::{APART, Surface};
+use crate::plan::lens::highlights::Highlights;
+use crate::plan::lens::tiles::{Tile, Work};
+use crate::plan::lens::{Plan, kernels};
+use crate::scene::layered::LayeredScene;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -43,16 +42,16 @@ pub struct Kernels {
 
 impl Kernels {
     pub fn new(
-        sheets: &Sheets,
+        scene: &LayeredScene,
         plan: &Plan,
         highlights: &Highlights,
         aperture: &Aperture,
         cancel: &Cancel,
     ) -> Result<Kernels> {
-        let s = &sheets.sheets[0].s;
+        let s = &scene.layers[0].s;
         // Tiles of one depth have exactly their own disc; others share discs by steps of radius.
         let discs = plan.tiles.par_iter().filter(|tile| tile.work == Work::Disc);
-        let of = |tile: &Tile| (tile.origin, Surface::new(s, sheets.size, plan.s_focus, tile.origin));
+        let of = |tile: &Tile| (tile.origin, Surface::new(s, scene.size, plan.s_focus, tile.origin));
         let discs: Vec<_> = discs.map(of).collect();
         let surfaces = || discs.iter().map(|(_, surface)| surface);
         let gathered: BTreeSet<i32> = surfaces().flat_map(Surface::keys).collect();
@@ -135,7 +134,7 @@ mod tests {
             assert_eq!(head[1] as usize, kernel.rows.len());
             assert_eq!(head[3], kernel.run_weight.to_bits());
             for (j, row) in kernel.rows.iter().enumerate() {
-                // Rows follow one another without a gap.
+                // Rows traverse one another without a gap.
                 assert_eq!(head[2].cast_signed() + j as i32, row.dy);
                 let own = &words[head[0] as usize + ROW * j..][..ROW];
                 assert_eq!((own[0].cast_signed(), own[1].cast_signed()), row.run);

@@ -9,11 +9,11 @@ mod table;
 
 pub use table::Table;
 
-use super::bands::Need;
+use super::bands::Requirements;
 use super::commands::Bound::{Read, Write};
 use super::commands::{Commands, groups, pixels};
 use super::draw::{Draw, Targets};
-use super::resident::{Residence, Resident};
+use super::picture::GpuPicture;
 use super::shader::{Defocus, Shader, shader, shared};
 use crate::error::Result;
 use crate::optics::{Measure, Optics};
@@ -124,26 +124,35 @@ enum Depth {
 
 /// What it needs of a device: sprites are padded to whole pixels of the targets, and what lies behind the layer in front
 /// is looked for as far again.
-pub fn need(settings: &Settings, largest_px: f64) -> Need {
+pub fn requirements(settings: &Settings, largest_px: f64) -> Requirements {
     let reach_px = largest_px.min(settings.max_coc_px()).ceil() as usize + 6;
     let bytes_per_px = size_of::<[f32; 4]>();
-    Need { bytes_per_px, around_px: reach_px, block_px: 2, ..Need::reaching(2 * reach_px) }
+    Requirements { bytes_per_px, around_px: reach_px, block_px: 2, ..Requirements::reaching(2 * reach_px) }
 }
 
-/// The picture.
+/// The step that sprites at a disparity are drawn with.
+fn step_at(optics: &Optics, settings: &Settings, d: f32) -> i32 {
+    step(settings.cut(-optics.shift_px(f64::from(d))))
+}
+
+/// The steps that the sprites of a picture need.
+pub fn steps(scene: &GpuPicture, optics: &Optics, settings: &Settings) -> RangeInclusive<i32> {
+    let [least, greatest] = scene.disparity_range;
+    step_at(optics, settings, greatest)..=step_at(optics, settings, least)
+}
+
+/// The picture, from a table that holds all [`steps`] of it.
 pub fn render(
     commands: &mut Commands,
-    residence: &Residence,
-    scene: &Resident,
+    table: &Table,
+    scene: &GpuPicture,
     optics: &Optics,
     settings: &Settings,
 ) -> Result<wgpu::Buffer> {
     let gpu = commands.gpu;
     let size = scene.size;
-    let step_at = |d: f32| step(settings.cut(-optics.shift_px(f64::from(d))));
-    let [least, greatest] = scene.disparity_range;
-    let steps = step_at(greatest)..=step_at(least);
-    let table = residence.sprites(gpu, settings, &steps)?;
+    let steps = steps(scene, optics, settings);
+    let step_at = |d: f32| step_at(optics, settings, d);
     let reach = table.reach(&steps);
     let boundaries = boundaries(scene.disparity_range, &steps, step_at);
     let half = (size.width.div_ceil(2), size.height.div_ceil(2));
@@ -191,7 +200,7 @@ pub fn render(
 
 /// What is drawn.
 struct Points<'a> {
-    scene: &'a Resident,
+    scene: &'a GpuPicture,
     table: &'a Table,
     boundaries: wgpu::Buffer,
     params: Params,

@@ -8,7 +8,7 @@ pub use cameras::sensors;
 pub use reading::{blender_words, is_path, number};
 
 use super::errors::choice;
-use crate::optics::{Base, Flaws, FovAxis, Lens, Mount, Strength, Vignetting};
+use crate::optics::{Aberrations, Base, FovAxis, Lens, Mount, Strength, Vignetting};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -121,7 +121,7 @@ impl PyLens {
             sensor_mm,
             breathing_focal_length_mm,
         };
-        let flaws = Flaws {
+        let aberrations = Aberrations {
             field_curvature,
             axial_color: axial_color.into(),
             lateral_color: lateral_color.into(),
@@ -129,7 +129,7 @@ impl PyLens {
             vignetting: choice("vignetting", vignetting, &Vignetting::NAMES)?,
         };
         let lens = Lens::thin(aperture_radius, focus_distance, fov, fov_axis)?;
-        Ok(PyLens { core: lens.mounted(mount)?.flawed(flaws)? })
+        Ok(PyLens { core: lens.mounted(mount)?.flawed(aberrations)? })
     }
 
     /// A lens over relative disparity, as a monocular depth network gives it, with no metric claim.
@@ -185,14 +185,14 @@ impl PyLens {
             }
         };
         let mount = Mount { principal_point: principal_point.into(), ..Mount::PLAIN };
-        let flaws = Flaws {
+        let aberrations = Aberrations {
             axial_color: axial_color.into(),
             lateral_color: lateral_color.into(),
             cat_eye,
             vignetting: choice("vignetting", vignetting, &Vignetting::NAMES)?,
-            ..Flaws::NONE
+            ..Aberrations::NONE
         };
-        Ok(PyLens { core: Lens::from_disparity(strength, focus)?.mounted(mount)?.flawed(flaws)? })
+        Ok(PyLens { core: Lens::from_disparity(strength, focus)?.mounted(mount)?.flawed(aberrations)? })
     }
 
     /// Radius of the opening in metres; None for a lens over relative disparity.
@@ -267,31 +267,31 @@ impl PyLens {
     /// Curvature of the image surface in 1/m.
     #[getter]
     fn field_curvature(&self) -> f64 {
-        self.core.flaws.field_curvature
+        self.core.aberrations.field_curvature
     }
 
     /// What is added to the disparity in focus for red, green and blue.
     #[getter]
     fn axial_color(&self) -> Triple {
-        self.core.flaws.axial_color.into()
+        self.core.aberrations.axial_color.into()
     }
 
     /// By how much of themselves the red, green and blue pictures are larger.
     #[getter]
     fn lateral_color(&self) -> Triple {
-        self.core.flaws.lateral_color.into()
+        self.core.aberrations.lateral_color.into()
     }
 
     /// How far the second stop moves to the corners, in radii of the opening.
     #[getter]
     fn cat_eye(&self) -> f64 {
-        self.core.flaws.cat_eye
+        self.core.aberrations.cat_eye
     }
 
     /// How the picture darkens away from its middle.
     #[getter]
     fn vignetting(&self) -> Option<&'static str> {
-        name_of(self.core.flaws.vignetting, &Vignetting::NAMES)
+        name_of(self.core.aberrations.vignetting, &Vignetting::NAMES)
     }
 
     /// Where the optical axis meets the picture, from its middle.
@@ -406,7 +406,7 @@ fn name_of<T: Copy + PartialEq>(value: T, names: &[(&'static str, T)]) -> Option
 impl PyLens {
     /// The same thin lens with nothing to it.
     fn plain(&self) -> PyLens {
-        PyLens { core: Lens { mount: Mount::PLAIN, flaws: Flaws::NONE, ..self.core } }
+        PyLens { core: Lens { mount: Mount::PLAIN, aberrations: Aberrations::NONE, ..self.core } }
     }
 
     /// The constructor that makes such a lens.

@@ -3,15 +3,15 @@
 
 use _dofsim::aperture::{self, Aperture};
 use _dofsim::cancel::Cancel;
-use _dofsim::cpu::lens;
-use _dofsim::cpu::simd::Simd;
+use _dofsim::simd::Simd;
 use _dofsim::depth::{DepthKind, Invalid, disparity_plane};
 use _dofsim::device::Device;
 use _dofsim::error::Error;
-use _dofsim::optics::{Flaws, FovAxis, Frame, Lens, Mount, Strength, Vignetting};
+use _dofsim::optics::{Aberrations, FovAxis, Frame, Lens, Mount, Strength, Vignetting};
 use _dofsim::picture::{Layer, Picture, Size};
-use _dofsim::plan::{gaussian, hexagonal, levels, poisson, sprites, taps};
-use _dofsim::render::{Method, Scene};
+use _dofsim::plan::{gaussian, hexagonal, lens, levels, poisson, sprites, taps};
+use _dofsim::method::Method;
+use _dofsim::renderer::Renderer;
 use arbitrary::{Result, Unstructured};
 use libfuzzer_sys::{Corpus, fuzz_target};
 use std::sync::Arc;
@@ -81,11 +81,11 @@ fn run(u: &mut Unstructured) -> std::result::Result<(), Refused> {
     }
     let dark = planes.iter().flat_map(|layer| layer.color.iter()).fold(0.0, |least: f32, v| least.min(*v));
 
-    let scene = Scene::new(Picture { size, layers: planes }, lights, supersample);
+    let renderer = Renderer::new(Picture { size, layers: planes }, lights, supersample);
     let cancel = Cancel::default();
     let render = |simd: Simd| {
         let mut out = vec![f32::NAN; width * height * channels];
-        scene.render_each(&[imaging], &method, Device::Cpu, simd, &cancel, vec![&mut out]).map(|_| out)
+        renderer.render_each(&[imaging], &method, Device::Cpu, simd, &cancel, vec![&mut out]).map(|_| out)
     };
     let available = Simd::available();
     let out = render(available[available.len() - 1])?;
@@ -167,19 +167,19 @@ fn lens(u: &mut Unstructured) -> std::result::Result<Lens, Refused> {
         let axes = FovAxis::NAMES.map(|(_, axis)| axis);
         Lens::thin(number(u, 0.0..=0.5)?, number(u, 0.1..=12.0)?, number(u, 5.0..=120.0)?, *u.choose(&axes)?)?
     };
-    let (mut mount, mut flaws) = (Mount::PLAIN, Flaws::NONE);
+    let (mut mount, mut aberrations) = (Mount::PLAIN, Aberrations::NONE);
     for _ in 0..u.int_in_range(0..=2)? {
         match u.int_in_range(0..=6)? {
             0 => mount.tilt_deg = [number(u, -60.0..=60.0)?, number(u, -60.0..=60.0)?],
             1 => mount.principal_point = [number(u, -1.0..=1.0)?, number(u, -1.0..=1.0)?],
-            2 => flaws.field_curvature = number(u, -2.0..=2.0)?,
-            3 => flaws.axial_color = three(u, 0.1)?,
-            4 => flaws.lateral_color = three(u, 0.1)?,
-            5 => flaws.cat_eye = number(u, 0.0..=1.0)?,
-            _ => flaws.vignetting = *u.choose(&Vignetting::NAMES.map(|(_, kind)| kind))?,
+            2 => aberrations.field_curvature = number(u, -2.0..=2.0)?,
+            3 => aberrations.axial_color = three(u, 0.1)?,
+            4 => aberrations.lateral_color = three(u, 0.1)?,
+            5 => aberrations.cat_eye = number(u, 0.0..=1.0)?,
+            _ => aberrations.vignetting = *u.choose(&Vignetting::NAMES.map(|(_, kind)| kind))?,
         }
     }
-    Ok(base.mounted(mount)?.flawed(flaws)?)
+    Ok(base.mounted(mount)?.flawed(aberrations)?)
 }
 
 fn aperture(u: &mut Unstructured) -> std::result::Result<Aperture, Refused> {
@@ -254,7 +254,7 @@ fn method(u: &mut Unstructured, aperture: &Aperture) -> std::result::Result<Meth
         }
         _ => {
             let views = if u.arbitrary()? { Some(u.int_in_range(16..=96)?) } else { None };
-            Method::Lens(lens::Settings { aperture: aperture.clone(), views, barrel: None })
+            Method::Lens(lens::Settings { aperture: aperture.clone(), samples: views, second_stop: None })
         }
     })
 }

@@ -1,0 +1,61 @@
+// Optical vignetting: what the barrel of a lens hides of the opening: plan/lens/optical_vignetting.rs. Of the pass that uses this is `open_value`: the table of
+// open parts, by the direction of the second stop and then by its distance.
+
+// The second stop: how far it is moved across the opening, in radii, and the table's size and place.
+struct SecondStop {
+    centre: vec2<f32>,
+    per_px: f32,
+    first: u32,
+    // See `Aperture::leaning`.
+    lean: vec2<f32>,
+    directions: u32,
+    distances: u32,
+}
+
+const TAU: f32 = 6.283185307;
+
+fn clips(second_stop: SecondStop) -> bool {
+    return second_stop.per_px > 0.0;
+}
+
+// The centre of the second stop, as seen from a pixel.
+fn stop_of(second_stop: SecondStop, at: vec2<f32>) -> vec2<f32> {
+    return second_stop.per_px * (at - second_stop.centre);
+}
+
+// The open part for one direction of the table.
+fn open_along(second_stop: SecondStop, direction: u32, apart: f32) -> f32 {
+    let i = min(u32(apart), second_stop.distances - 1u);
+    let at = second_stop.first + (direction % second_stop.directions) * (second_stop.distances + 1u) + i;
+    let nearer = open_value(at);
+    return nearer + (apart - f32(i)) * (open_value(at + 1u) - nearer);
+}
+
+// The part of the light of the opening that is seen with the second stop there.
+fn open_part(second_stop: SecondStop, stop: vec2<f32>) -> f32 {
+    let farthest = f32(second_stop.distances);
+    let apart = min(length(stop) * 0.5 * farthest, farthest);
+    var turn = 0.0;
+    if any(stop != vec2(0.0)) {
+        turn = atan2(stop.y, stop.x) / TAU;
+    }
+    turn = (turn - floor(turn)) * f32(second_stop.directions);
+    let direction = u32(turn);
+    let along = open_along(second_stop, direction, apart);
+    return along + (turn - f32(direction)) * (open_along(second_stop, direction + 1u, apart) - along);
+}
+
+// How much more than of the whole opening's light a pixel has of what it sees through lens point `l`, where the opening
+// is drawn `t` pixels large.
+fn clipped_share(second_stop: SecondStop, at: vec2<f32>, l: vec2<f32>, t: f32) -> f32 {
+    let stop = stop_of(second_stop, at);
+    var pupil = l / (1.0 - length(second_stop.lean) + dot(second_stop.lean, l));
+    // A pixel on the rim of the lens itself is looked at half a pixel inside, where its light is.
+    let innermost = max(1.0 - 0.5 / abs(t), 0.0) / max(length(pupil), 1e-9);
+    pupil *= min(innermost, 1.0);
+    let open = open_part(second_stop, stop);
+    if open <= 0.0 {
+        return 0.0;
+    }
+    return clamp(0.5 + abs(t) * (1.0 - length(pupil - stop)), 0.0, 1.0) / open;
+}

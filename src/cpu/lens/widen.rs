@@ -1,0 +1,133 @@
+//! Cells widened along their own surface, where lens samples are sparse.
+
+use crate::memory::Buffer;
+use crate::picture::Size;
+use crate::plan::lens::footprint::{Footprint, MAX_WEIGHT, NEXT_CELLS, REACHES};
+use crate::rows::bands;
+use crate::scene::colors::Colors;
+use crate::scene::edges::CONNECTED_PX;
+use crate::scene::layer::SceneLayer;
+use crate::simd::Simd;
+use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// The colours of a layer, widened where lens samples are sparser than [`Footprint::sharpening`] can make up
+/// for; `None` if that is nowhere.
+pub fn widened(
+    footprint: &Footprint,
+    layer: &SceneLayer,
+    colors: &Colors,
+    size: Size,
+    s_focus: f64,
+    simd: Simd,
+) -> Option<Colors> {
+    if footprint.table().iter().all(|v| *v <= NEXT_CELLS) {
+        return None;
+    }
+    let n = size.pixels();
+    let shift = |s: f32| (f64::from(s) - s_focus) as f32;
+    let wanted = Buffer::of_each(&layer.s, |&s| {
+        if s.is_nan() { 0.0 } else { (footprint.variance(shift(s)) - NEXT_CELLS).max(0.0) }
+    });
+    let most = wanted.par_iter().copied().reduce(|| 0.0, f32::max);
+
+    let mut done = 0.0f32;
+    let (mut color, mut source) = (Buffer::unset(n * size.channels), colors.to_planes());
+    for reach in REACHES {
+        if most <= done {
+            break;
+        }
+        // Weights w of neighbours at distance h add the variance 2 w h^2.
+        let per_weight = 2.0 * (reach * reach) as f32;
+        let pass = Pass { s: &layer.s, wanted: &wanted, done, per_weight, reach, size };
+        bands(color.chunks_mut(n), size.width).into_par_iter().enumerate().for_each_init(
+            || vec![0.0; size.width],
+            |weights, (y, mut out)| {
+                simd.run(
+                    #[inline(always)]
+                    || pass.row(&source, y, weights, &mut out),
+                );
+            },
+        );
+        std::mem::swap(&mut color, &mut source);
+        done += MAX_WEIGHT * per_weight;
+    }
+    Some(Colors::new(size, Arc::new(source)))
+}
+
+/// One widening pass: diffusion to four neighbours at a distance, along each surface.
+struct Pass<'a> {
+    s: &'a [f32],
+    wanted: &'a [f32],
+    done: f32,
+    per_weight: f32,
+    reach: usize,
+    size: Size,
+}
+
+impl Pass<'_> {
+    /// One row of all channels.
+    #[inline(always)]
+    fn row(&self, source: &[f32], y: usize, weights: &mut [f32], out: &mut [&mut [f32]]) {
+        let (w, h, d) = (self.size.width, self.size.height, self.reach);
+        let start = y * w;
+        for (out, source) in out.iter_mut().zip(source.chunks(self.size.pixels())) {
+            out.copy_from_slice(&source[start..start + w]);
+        }
+        let (own, from_right) = (start..start + w - d.min(w), start + d.min(w));
+        self.add_flows(source, from_right, own.clone(), weights, start, out);
+        self.add_flows(source, own.start, from_right..start + w, weights, start, out);
+        if y >= d {
+            self.add_flows(source, start - d * w, start..start + w, weights, start, out);
+        }
+        if y + d < h {
+            self.add_flows(source, start + d * w, start..start + w, weights, start, out);
+        }
+    }
+
+    /// Adds what flows from the cells at `from` and after to those at `to`, in a row that starts at `start`.
+    #[inline(always)]
+    fn add_flows(
+        &self,
+        source: &[f32],
+        from: usize,
+        to: Range<usize>,
+        weights: &mut [f32],
+        start: usize,
+        out: &mut [&mut [f32]],
+    ) {
+        let n = to.len();
+        let weights = &mut weights[..n];
+        if !self.weigh(from, to.start, weights) {
+            return;
+        }
+        for (out, source) in out.iter_mut().zip(source.chunks(self.size.pixels())) {
+            let (theirs, own) = (&source[from..][..n], &source[to.start..][..n]);
+            for (i, out) in out[to.start - start..][..n].iter_mut().enumerate() {
+                *out += weights[i] * (theirs[i] - own[i]);
+            }
+        }
+    }
+
+    /// The weights with which the cells at `from` and after flow to those at `to` and after, and whether there are any
+    /// but 0. What two cells exchange is the mean of what both want, so that no energy is lost; nothing crosses from
+    /// surface to surface.
+    #[inline(always)]
+    fn weigh(&self, from: usize, to: usize, weights: &mut [f32]) -> bool {
+        let n = weights.len();
+        let [s, wanted] = [self.s, self.wanted].map(|plane| (&plane[to..][..n], &plane[from..][..n]));
+        let per_weight = 1.0 / self.per_weight;
+        let own = |wanted: f32| {
+            let weight = (wanted - self.done) * per_weight;
+            let weight = if weight > 0.0 { weight } else { 0.0 };
+            if weight < MAX_WEIGHT { weight } else { MAX_WEIGHT }
+        };
+        let apart = CONNECTED_PX * self.reach as f32;
+        for i in 0..n {
+            let weight = 0.5 * (own(wanted.0[i]) + own(wanted.1[i]));
+            weights[i] = if (s.0[i] - s.1[i]).abs() < apart { weight } else { 0.0 };
+        }
+        weights.iter().fold(false, |any, w| any | (*w > 0.0))
+    }
+}

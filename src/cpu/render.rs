@@ -1,0 +1,127 @@
+//! A scene through a lens, on the CPU; the twin of `gpu::render`.
+
+use super::{falloff, gaussian, hexagonal, job::Job, lens, levels, magnify, poisson, resolve, sprites, taps};
+use crate::cancel::Cancel;
+use crate::error::Result;
+use crate::memory::Buffer;
+use crate::method::Method;
+use crate::optics::{Imaging, Optics};
+use crate::picture::{Picture, channels_at};
+use crate::scene::Scene;
+use crate::simd::Simd;
+use std::borrow::Cow;
+use std::sync::Arc;
+
+/// A scene through one lens.
+pub struct Exposure<'a> {
+    pub scene: &'a Scene,
+    pub imaging: &'a Imaging,
+    pub method: &'a Method,
+    pub simd: Simd,
+    pub cancel: &'a Cancel,
+}
+
+impl Exposure<'_> {
+    /// The picture at the size of the output, interleaved, into `out`.
+    pub fn render(&self, out: &mut [f32]) -> Result<()> {
+        if self.scene.supersample == 1 {
+            return self.full(out);
+        }
+        let mut full = self.unset();
+        self.full(&mut full)?;
+        resolve::box_average(&full, self.scene.picture.size, self.scene.supersample, out);
+        Ok(())
+    }
+
+    /// Memory for the picture at its own size.
+    fn unset(&self) -> Buffer<f32> {
+        let size = self.scene.picture.size;
+        Buffer::unset(size.pixels() * size.channels)
+    }
+
+    /// The picture at its own size.
+    fn full(&self, out: &mut [f32]) -> Result<()> {
+        let Exposure { scene, imaging, cancel, .. } = *self;
+        let size = scene.picture.size;
+        if imaging.is_magnified() {
+            let mut blurred = self.unset();
+            self.blurred(&mut blurred)?;
+            let magnification = |channel| imaging.magnification_of(channel);
+            magnify::magnify(&blurred, size, imaging.surface.centre, magnification, cancel, out)?;
+        } else {
+            self.blurred(out)?;
+        }
+        if let Some(falloff) = &imaging.falloff {
+            let clip = self.method.clip_of(imaging);
+            falloff::darken(out, size, scene.lights, falloff, clip.as_ref());
+        }
+        Ok(())
+    }
+
+    /// What the method makes of the picture.
+    fn blurred(&self, out: &mut [f32]) -> Result<()> {
+        let Exposure { scene, imaging, simd, cancel, .. } = *self;
+        let flattened = scene.flattened(&imaging.surface);
+        by_focus(imaging, &flattened, out, |part, out| {
+            let (picture, optics) = (&*part.picture, &part.optics);
+            let job = Job { front: &picture.layers[0], size: picture.size, optics, simd, cancel };
+            match self.method {
+                Method::Lens(settings) => {
+                    let (optics, settings) = settings.leaning(imaging, optics)?;
+                    let all = scene.layered(&flattened, &imaging.surface, &optics, simd, cancel)?;
+                    let layered = match part.channels {
+                        None => all,
+                        Some(channels) => Arc::new(all.of_channels(channels)),
+                    };
+                    let input = lens::Input { picture, scene: &layered, supersample: scene.supersample };
+                    lens::render(&input, &optics, &settings, simd, cancel, out)
+                }
+                Method::Poisson(settings) => poisson::render(&job, settings, out),
+                Method::Gaussian(settings) => gaussian::render(&job, settings, out),
+                Method::Taps(settings) => taps::render(&job, settings, out),
+                Method::Hexagonal(settings) => hexagonal::render(&job, settings, out),
+                Method::Levels(settings) => levels::render(&job, settings, out),
+                Method::Sprites(settings) => sprites::render(&job, settings, out),
+            }
+        })
+    }
+}
+
+/// What is rendered at one focus: all of a picture, or some of its channels.
+struct Part<'a> {
+    picture: Cow<'a, Picture>,
+    channels: Option<&'a [usize]>,
+    optics: Optics,
+}
+
+/// The picture with every colour rendered at its own focus, all at once where that is the same. Coverage, which colours
+/// need where there is one, is green's.
+fn by_focus(
+    imaging: &Imaging,
+    picture: &Picture,
+    out: &mut [f32],
+    render: impl Fn(&Part, &mut [f32]) -> Result<()>,
+) -> Result<()> {
+    if !imaging.is_axially_chromatic() {
+        let optics = imaging.optics_of(1);
+        return render(&Part { picture: Cow::Borrowed(picture), channels: None, optics }, out);
+    }
+    let channels = picture.size.channels;
+    for color in 0..3 {
+        let rendered = channels_at(color, channels);
+        let mut values = Buffer::unset(picture.size.pixels() * rendered.len());
+        let part = Part {
+            picture: Cow::Owned(picture.of_channels(&rendered)),
+            channels: Some(&rendered),
+            optics: imaging.optics_of(color),
+        };
+        render(&part, &mut values)?;
+        for (i, &channel) in rendered.iter().enumerate() {
+            if channel == color || color == 1 {
+                let values = values.iter().skip(i).step_by(rendered.len());
+                out.iter_mut().skip(channel).step_by(channels).zip(values).for_each(|(out, v)| *out = *v);
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,92 @@
+//! A picture on a device.
+
+use super::commands::Commands;
+use super::device::Gpu;
+use crate::error::Result;
+use crate::picture::{Layer, Picture, Size};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Some rows of a picture on a device.
+pub struct GpuPicture {
+    gpu: Arc<Gpu>,
+    /// What they were taken from, and which they are.
+    source: Arc<Picture>,
+    rows: Range<usize>,
+    pub size: Size,
+    /// How many layers there are.
+    pub layers: usize,
+    /// Colour planes of all layers.
+    pub color: wgpu::Buffer,
+    /// Disparity of the front layer.
+    pub disparity: wgpu::Buffer,
+    /// The least and the greatest of all rows of the picture.
+    pub disparity_range: [f32; 2],
+}
+
+impl GpuPicture {
+    /// Takes rows to a device; their colour may be there already, for another focus surface.
+    pub fn new(
+        gpu: &Arc<Gpu>,
+        source: &Arc<Picture>,
+        rows: &Range<usize>,
+        color: Option<wgpu::Buffer>,
+    ) -> Result<GpuPicture> {
+        let (size, layers) = (source.size, &source.layers);
+        let pixels = rows.start * size.width..rows.end * size.width;
+        let disparity = gpu.upload("its depth", &layers[0].disparity[pixels.clone()])?;
+        let color = match (color, layers.as_slice()) {
+            (Some(color), _) => color,
+            (None, [one]) if rows.len() == size.height => gpu.upload("the picture", &one.color)?,
+            (None, layers) => {
+                let planes = |layer: &'_ Layer| {
+                    layer.color.chunks(size.pixels()).map(|p| p[pixels.clone()].to_vec()).collect::<Vec<_>>()
+                };
+                gpu.upload("the picture", &layers.iter().flat_map(planes).collect::<Vec<_>>().concat())?
+            }
+        };
+        Ok(GpuPicture {
+            gpu: Arc::clone(gpu),
+            source: Arc::clone(source),
+            rows: rows.clone(),
+            size: Size { height: rows.len(), ..size },
+            layers: layers.len(),
+            color,
+            disparity,
+            disparity_range: layers[0].disparity_range(),
+        })
+    }
+
+    /// Whether these are those rows of the picture.
+    pub fn is_of(&self, gpu: &Arc<Gpu>, picture: &Arc<Picture>, rows: &Range<usize>) -> bool {
+        Arc::ptr_eq(&self.gpu, gpu) && Arc::ptr_eq(&self.source, picture) && self.rows == *rows
+    }
+
+    /// Whether the colours of a picture's rows are these.
+    pub fn has_colors_of(&self, gpu: &Arc<Gpu>, picture: &Picture, rows: &Range<usize>) -> bool {
+        let layers = self.source.layers.iter().zip(&picture.layers);
+        Arc::ptr_eq(&self.gpu, gpu)
+            && self.rows == *rows
+            && layers.into_iter().all(|(own, other)| Arc::ptr_eq(&own.color, &other.color))
+    }
+
+    /// These channels alone, for one job.
+    pub fn of_channels(&self, commands: &mut Commands, channels: &[usize]) -> Result<GpuPicture> {
+        let plane = self.size.pixels() * size_of::<f32>();
+        let count = self.layers * channels.len();
+        let color = commands.scratch::<f32>("some channels of the picture", count * self.size.pixels())?;
+        let from = (0..self.layers).flat_map(|l| channels.iter().map(move |c| l * self.size.channels + c));
+        for (to, from) in from.enumerate() {
+            commands.copy_part(&self.color, from * plane, &color, to * plane, plane);
+        }
+        Ok(GpuPicture {
+            gpu: Arc::clone(&self.gpu),
+            source: Arc::clone(&self.source),
+            rows: self.rows.clone(),
+            size: Size { channels: channels.len(), ..self.size },
+            color,
+            disparity: self.disparity.clone(),
+            ..*self
+        })
+    }
+}

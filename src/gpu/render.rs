@@ -1,0 +1,217 @@
+//! A scene through a lens, on a GPU; the twin of `cpu::render`.
+
+use super::bands::{self, Band, Requirements};
+use super::commands::{Commands, PassTime, Pending};
+use super::device::Gpu;
+use super::magnify::{self, Sources};
+use super::picture::GpuPicture;
+use super::scene_cache::SceneCache;
+use super::{by_focus, falloff, gaussian, hexagonal, lens, levels, poisson, resolve, sprites, taps};
+use crate::cancel::Cancel;
+use crate::error::{Error, Result};
+use crate::method::Method;
+use crate::optics::{Imaging, Optics};
+use crate::picture::{Picture, Size};
+use crate::plan::lens::optical_vignetting::PupilClip;
+use crate::scene::Scene;
+use crate::scene::layered::LayeredScene;
+use crate::simd::Simd;
+use std::sync::Arc;
+
+/// A scene through each of some lenses, from the adapter that is the `adapter`th of [`adapters::all`], with the times of
+/// all passes. One picture, or one band of it, comes back while the next one is computed.
+pub fn render_each<'a>(
+    adapter: usize,
+    scope: &Scope,
+    lenses: impl Iterator<Item = (&'a Imaging, &'a mut [f32])>,
+) -> Result<Vec<PassTime>> {
+    let (gpu, cancel) = (Gpu::open(adapter)?, scope.cancel);
+    let work = || {
+        let mut times = Vec::new();
+        let mut finish = |(pending, out): (Pending, &mut [f32])| -> Result<()> {
+            times.extend(pending.wait(cancel, out)?);
+            Ok(())
+        };
+        let mut running: Option<(Pending, &mut [f32])> = None;
+        for (imaging, mut out) in lenses {
+            let exposure = Exposure::new(&gpu, scope, imaging)?;
+            for band in &exposure.bands {
+                let next = exposure.start(band)?;
+                let (own, behind) = out.split_at_mut(exposure.values_of(band));
+                out = behind;
+                running.replace((next, own)).map_or(Ok(()), &mut finish)?;
+            }
+        }
+        running.map_or(Ok(()), &mut finish)?;
+        Ok(times)
+    };
+    work().inspect_err(|error| {
+        if matches!(error, Error::Device(_)) {
+            gpu.retire();
+        }
+    })
+}
+
+/// What all pictures of a scene have in common.
+pub struct Scope<'a> {
+    pub scene: &'a Scene,
+    /// What the device keeps of the scene.
+    pub cache: &'a SceneCache,
+    pub method: &'a Method,
+    pub simd: Simd,
+    pub cancel: &'a Cancel,
+}
+
+/// The scene through one lens.
+pub(super) struct Exposure<'a> {
+    gpu: &'a Arc<Gpu>,
+    scope: &'a Scope<'a>,
+    imaging: &'a Imaging,
+    /// The picture less the focus surface.
+    picture: Arc<Picture>,
+    /// Where a magnified picture comes from.
+    sources: Option<Sources>,
+    /// What the falloff knows of the opening.
+    clip: Option<PupilClip>,
+    pub(super) bands: Vec<Band>,
+}
+
+impl<'a> Exposure<'a> {
+    pub(super) fn new(gpu: &'a Arc<Gpu>, scope: &'a Scope, imaging: &'a Imaging) -> Result<Exposure<'a>> {
+        let scene = scope.scene;
+        let picture = scene.flattened(&imaging.surface);
+        let sources = Sources::new(imaging, picture.size);
+        let clip = scope.method.clip_of(imaging);
+        let mut exposure = Exposure { gpu, scope, imaging, picture, sources, clip, bands: Vec::new() };
+        let requirements = exposure.requirements()?;
+        let Picture { size, layers } = &*exposure.picture;
+        let most = gpu.most_bytes() as usize;
+        exposure.bands = bands::split(most, *size, layers.len(), requirements, scene.supersample, |rows| {
+            exposure.sources.as_ref().map_or(rows.clone(), |sources| sources.of_rows(rows))
+        })
+        .map_err(|bytes| gpu.too_large("a band of the picture", bytes as u64))?;
+        Ok(exposure)
+    }
+
+    /// How many values of the output a band makes.
+    fn values_of(&self, band: &Band) -> usize {
+        let (size, n) = (self.picture.size, self.scope.scene.supersample);
+        band.rows.len() / n * (size.width / n) * size.channels
+    }
+
+    /// The lenses that the picture is rendered through.
+    fn optics(&self) -> impl Iterator<Item = Optics> {
+        let colors = if self.imaging.is_axially_chromatic() { 0..3 } else { 1..2 };
+        colors.map(|color| self.imaging.optics_of(color))
+    }
+
+    fn requirements(&self) -> Result<Requirements> {
+        let largest_px = || {
+            let range = self.picture.layers[0].disparity_range();
+            self.optics().map(|optics| optics.largest_radius_px(range)).fold(0.0, f64::max)
+        };
+        Ok(match self.scope.method {
+            Method::Lens(settings) => {
+                let mut all = Requirements::reaching(0);
+                for optics in self.optics() {
+                    let (optics, _) = settings.leaning(self.imaging, &optics)?;
+                    let of_focus = lens::requirements(&*self.layered(&optics)?, &optics);
+                    all = Requirements { reach_px: all.reach_px.max(of_focus.reach_px), ..of_focus };
+                }
+                all
+            }
+            Method::Poisson(settings) => poisson::requirements(settings, &self.imaging.optics),
+            Method::Gaussian(_) => gaussian::requirements(),
+            Method::Taps(settings) => taps::requirements(settings, &self.imaging.optics),
+            Method::Hexagonal(settings) => hexagonal::requirements(settings, largest_px()),
+            Method::Levels(settings) => levels::requirements(settings, largest_px()),
+            Method::Sprites(settings) => sprites::requirements(settings, largest_px()),
+        })
+    }
+
+    /// The layered scene, for a lens that has been adapted to the focus surface.
+    fn layered(&self, optics: &Optics) -> Result<Arc<LayeredScene>> {
+        let Scope { scene, simd, cancel, .. } = *self.scope;
+        scene.layered(&self.picture, &self.imaging.surface, optics, simd, cancel)
+    }
+
+    /// Begins to compute one band.
+    pub(super) fn start(&self, band: &Band) -> Result<Pending> {
+        let (gpu, &Scope { scene, cache, .. }) = (self.gpu, self.scope);
+        let bands = self.bands.len();
+        let picture = cache.picture(gpu, &self.picture, &band.read, bands)?;
+        if let Method::Lens(settings) = self.scope.method {
+            // What takes long on the CPU, and is kept, comes first.
+            let (optics, _) = settings.leaning(self.imaging, &self.imaging.optics)?;
+            cache.cells(gpu, &self.layered(&optics)?, &band.read, bands)?;
+        }
+        gpu.guarded(|| {
+            let mut commands = Commands::new(gpu);
+            let rendered = if self.imaging.is_axially_chromatic() {
+                by_focus::render(&mut commands, picture.size, |commands, color, channels| {
+                    let part = picture.of_channels(commands, channels)?;
+                    self.part(commands, band, &part, Some(channels), &self.imaging.optics_of(color))
+                })?
+            } else {
+                self.part(&mut commands, band, &picture, None, &self.imaging.optics_of(1))?
+            };
+            let size = Size { height: band.rows.len(), ..picture.size };
+            let full = match &self.sources {
+                Some(sources) => magnify::render(&mut commands, &rendered, picture.size, band, sources)?,
+                None if band.rows == band.read => rendered,
+                None => {
+                    let row = size.width * size.channels * size_of::<f32>();
+                    let full = commands.output(size)?;
+                    let first = band.rows.start - band.read.start;
+                    commands.copy_part(&rendered, first * row, &full, 0, size.height * row);
+                    full
+                }
+            };
+            if let Some(falloff) = self.imaging.from_row(band.rows.start).falloff {
+                let clip = self.clip.as_ref().map(|clip| clip.from_row(band.rows.start));
+                falloff::darken(&mut commands, &full, size, scene.lights, &falloff, clip.as_ref())?;
+            }
+            let output = match scene.supersample {
+                1 => full,
+                n => resolve::box_average(&mut commands, &full, size, n)?,
+            };
+            commands.submit(&output)
+        })
+    }
+
+    /// What one focus makes of a band: of all its channels, or of some, which `picture` then has alone.
+    fn part(
+        &self,
+        commands: &mut Commands,
+        band: &Band,
+        picture: &GpuPicture,
+        channels: Option<&[usize]>,
+        optics: &Optics,
+    ) -> Result<wgpu::Buffer> {
+        let (gpu, &Scope { scene, cache, simd, cancel, .. }) = (self.gpu, self.scope);
+        match self.scope.method {
+            Method::Lens(settings) => {
+                let imaging = self.imaging.from_row(band.read.start);
+                let (optics, settings) = settings.leaning(&imaging, optics)?;
+                let layered = self.layered(&optics)?;
+                let (mut layered, mut cells) = cache.cells(gpu, &layered, &band.read, self.bands.len())?;
+                if let Some(channels) = channels {
+                    layered = Arc::new(layered.of_channels(channels));
+                    cells = Arc::new(cells.of_channels(commands, channels)?);
+                }
+                let input =
+                    lens::Input { picture, scene: &layered, cells: &cells, supersample: scene.supersample };
+                lens::render(commands, &input, &optics, &settings, simd, cancel)
+            }
+            Method::Poisson(settings) => poisson::render(commands, picture, optics, settings),
+            Method::Hexagonal(settings) => hexagonal::render(commands, picture, optics, settings),
+            Method::Levels(settings) => levels::render(commands, picture, optics, settings),
+            Method::Gaussian(settings) => gaussian::render(commands, picture, optics, settings),
+            Method::Taps(settings) => taps::render(commands, picture, optics, settings),
+            Method::Sprites(settings) => {
+                let table = cache.sprites(gpu, settings, &sprites::steps(picture, optics, settings))?;
+                sprites::render(commands, &table, picture, optics, settings)
+            }
+        }
+    }
+}

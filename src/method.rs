@@ -1,0 +1,85 @@
+//! How to compute: the methods and their settings.
+
+use crate::error::{Result, value_error};
+use crate::optics::{Base, Imaging, Lens};
+use crate::plan;
+use crate::plan::lens::optical_vignetting::PupilClip;
+
+/// How to compute: each method with its own settings.
+#[derive(Debug, Clone)]
+pub enum Method {
+    /// The integral over the lens, with visibility for every lens point.
+    Lens(plan::lens::Settings),
+    /// Taps scattered over each pixel's circle of confusion.
+    Poisson(plan::poisson::Settings),
+    /// A wide separable blur laid over the picture.
+    Gaussian(plan::gaussian::Settings),
+    /// A few look-ups at fixed places.
+    Taps(plan::taps::Settings),
+    /// Line blurs that make up a hexagon.
+    Hexagonal(plan::hexagonal::Settings),
+    /// Between the targets of a chain of filters.
+    Levels(plan::levels::Settings),
+    /// Blurred pixels drawn one by one.
+    Sprites(plan::sprites::Settings),
+}
+
+impl Method {
+    /// The name users give it, and the option in metres that it uses, if any.
+    fn describe(&self) -> (&'static str, Option<&'static str>) {
+        match self {
+            Method::Lens(_) => ("lens", None),
+            Method::Poisson(_) => ("poisson", None),
+            Method::Gaussian(settings) => ("gaussian", settings.metric_option()),
+            Method::Taps(settings) => ("taps", settings.metric_option()),
+            Method::Hexagonal(_) => ("hexagonal", None),
+            Method::Levels(_) => ("levels", None),
+            Method::Sprites(_) => ("sprites", None),
+        }
+    }
+
+    /// The name users give it.
+    pub fn name(&self) -> &'static str {
+        self.describe().0
+    }
+
+    /// What the falloff knows of the opening, where a second stop clips it.
+    pub(crate) fn clip_of(&self, imaging: &Imaging) -> Option<PupilClip> {
+        match self {
+            Method::Lens(settings) => settings.clip_of(imaging),
+            _ => None,
+        }
+    }
+
+    /// Refuses pictures of so many layers and light channels, and lenses, that the method cannot work with. Every
+    /// method honours what the thin lens itself, its focus surface or a whole picture can express.
+    pub fn check(&self, lens: &Lens, layers: usize, lights: usize) -> Result<()> {
+        let (name, metric_option) = self.describe();
+        if layers > 1 && !matches!(self, Method::Lens(_)) {
+            return Err(value_error!(
+                "method={name:?} takes color and depth of one layer; got {layers} layers, which are for \
+                 method=\"lens\""
+            ));
+        }
+        if lens.aberrations.cat_eye > 0.0 && !matches!(self, Method::Lens(_)) {
+            return Err(value_error!(
+                "lens: cat_eye is for method=\"lens\"; method={name:?} draws the same opening everywhere"
+            ));
+        }
+        for (flaw, values) in
+            [("axial_color", lens.aberrations.axial_color), ("lateral_color", lens.aberrations.lateral_color)]
+        {
+            if values != [values[0]; 3] && lights != 3 {
+                return Err(value_error!(
+                    "lens: {flaw} needs color of three channels, red, green and blue; got {lights}"
+                ));
+            }
+        }
+        if let (Some(option), Base::Relative { .. }) = (metric_option, lens.base) {
+            return Err(value_error!(
+                "{option} is in metres, but the lens was made by Lens.from_disparity, which knows of none"
+            ));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,70 @@
+//! Tiles that see one closed surface of nearly constant depth: the radii that they need.
+
+use super::kernels;
+use crate::picture::{Size, range};
+use crate::scene::grid::TILE;
+use std::ops::RangeInclusive;
+
+/// On a tilted surface a pixel's disc is interpolated between two, this many radius steps apart: a quarter of a
+/// pixel, or a sixteenth for small ones. Only rims differ, by less than the rounding to a single step would cost.
+pub const APART: i32 = 4;
+
+/// Columns and rows of the frame in the tile at `origin`.
+pub fn extent(size: Size, origin: (usize, usize)) -> (usize, usize) {
+    (TILE.0.min(size.width - origin.0), TILE.1.min(size.height - origin.1))
+}
+
+/// Where a shift lies between the discs that are interpolated.
+#[inline(always)]
+pub fn position(s: f32, s_focus: f64) -> f64 {
+    kernels::position(f64::from(s) - s_focus) / f64::from(APART)
+}
+
+/// The discs between which some positions lie.
+pub fn range_of(positions: impl Iterator<Item = f64>) -> RangeInclusive<i32> {
+    let (least, greatest) =
+        positions.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)));
+    least.floor() as i32..=greatest.ceil() as i32
+}
+
+/// The surface that a tile shows.
+pub enum Surface {
+    /// All has this shift relative to infinity.
+    Level(f32),
+    /// The discs that its pixels lie between, in steps of [`APART`].
+    Tilted(RangeInclusive<i32>),
+}
+
+impl Surface {
+    /// That of the tile at `origin`.
+    pub fn new(s: &[f32], size: Size, s_focus: f64, origin: (usize, usize)) -> Surface {
+        let extent = extent(size, origin);
+        let rows = (origin.1..origin.1 + extent.1).map(|y| &s[y * size.width + origin.0..][..extent.0]);
+        let (least, greatest) = rows.fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), row| {
+            let [least, greatest] = range(row);
+            (lo.min(least), hi.max(greatest))
+        });
+        if least == greatest {
+            return Surface::Level(least);
+        }
+        // The position rises with the shift, so that the extremes of one are those of the other.
+        Surface::Tilted(range_of([least, greatest].into_iter().map(|s| position(s, s_focus))))
+    }
+
+    /// The radius steps that it needs.
+    pub fn keys(&self) -> impl Iterator<Item = i32> + use<> {
+        let steps = match self {
+            Surface::Level(_) => 0..0,
+            Surface::Tilted(steps) => *steps.start()..*steps.end() + 1,
+        };
+        steps.map(|step| step * APART)
+    }
+
+    /// The shift that it has all over, if any.
+    pub fn level(&self) -> Option<f32> {
+        match self {
+            Surface::Level(s) => Some(*s),
+            Surface::Tilted(_) => None,
+        }
+    }
+}

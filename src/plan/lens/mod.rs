@@ -1,0 +1,121 @@
+//! The plan of the flagship for one focus, worked out from depths alone. Both devices carry it out.
+
+pub(crate) mod disc;
+pub(crate) mod footprint;
+pub(crate) mod highlights;
+pub(crate) mod kernels;
+pub(crate) mod lens_samples;
+pub(crate) mod optical_vignetting;
+pub(crate) mod padded_bounds;
+pub(crate) mod padding;
+pub(crate) mod ray;
+pub(crate) mod tiles;
+
+use crate::aperture::Aperture;
+use crate::error::Result;
+use crate::optics::{Imaging, Optics, SecondStop};
+use crate::scene::depth_bounds::DepthBounds;
+use crate::scene::layered::LayeredScene;
+use footprint::Footprint;
+use lens_samples::LensSample;
+use optical_vignetting::PupilClip;
+use padding::Padding;
+use std::collections::{BTreeMap, BTreeSet};
+use tiles::{Tile, Work};
+
+/// The choices that a caller has.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// The opening.
+    pub aperture: Aperture,
+    /// Number of lens samples everywhere, or chosen for each tile.
+    pub samples: Option<usize>,
+    /// The second stop of the lens, if it clips anything.
+    pub second_stop: Option<SecondStop>,
+}
+
+impl Settings {
+    /// The lens and the opening as the focus surface and the second stop make them.
+    pub(crate) fn leaning(&self, imaging: &Imaging, optics: &Optics) -> Result<(Optics, Settings)> {
+        let (lean, stronger) = imaging.surface.leaning(optics.k)?;
+        let settings = Settings {
+            aperture: self.aperture.leaning(lean),
+            samples: self.samples,
+            second_stop: imaging.second_stop,
+        };
+        Ok((Optics { k: optics.k * stronger, ..*optics }, settings))
+    }
+
+    /// What the falloff knows of the opening, where a second stop clips it.
+    pub(crate) fn clip_of(&self, imaging: &Imaging) -> Option<PupilClip> {
+        let falls_off = imaging.falloff.is_some_and(|falloff| falloff.optical);
+        let second_stop = imaging.second_stop.filter(|_| falls_off);
+        second_stop.map(|second_stop| PupilClip::new(second_stop, &self.aperture))
+    }
+}
+
+/// Where the colour of rays that met nothing comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Missed {
+    /// The other rays of the pixel speak for them.
+    Unknown = 0,
+    /// They are transparent.
+    Nothing = 1,
+}
+
+/// The plan of one render.
+pub struct Plan {
+    /// Shift of the focus relative to infinity.
+    pub s_focus: f64,
+    /// The largest shift, in front of the focus plane or behind.
+    pub reach_px: f64,
+    /// The frame with the margin that rays need.
+    pub padding: Padding,
+    /// The bounds of depth of the padded frame.
+    pub bounds: DepthBounds,
+    /// What each tile needs.
+    pub tiles: Vec<Tile>,
+    /// The samples of every count that some tile needs.
+    pub sample_sets: BTreeMap<usize, Vec<LensSample>>,
+    /// The size at which cells are drawn.
+    pub footprint: Footprint,
+    /// What rays that meet nothing stand for.
+    pub missed: Missed,
+}
+
+impl Plan {
+    /// The plan for one lens; `supersample` pixels of it along each axis will be averaged, and so many fewer samples are enough.
+    pub fn new(scene: &LayeredScene, optics: &Optics, settings: &Settings, supersample: usize) -> Plan {
+        let s_focus = optics.k * optics.d_focus;
+        let count_samples = |radius_px: f64| {
+            settings.samples.unwrap_or_else(|| lens_samples::count_for(radius_px / supersample as f64))
+        };
+        let area = settings.aperture.relative_area();
+        let reach_px = (scene.shifts.0 - s_focus).abs().max((scene.shifts.1 - s_focus).abs());
+        let padding = Padding::new(scene.size.width, scene.size.height, reach_px);
+        let bounds = padded_bounds::padded(&scene.bounds, &padding);
+        let inputs = tiles::Inputs {
+            padding: &padding,
+            codes: &scene.codes,
+            bounds: &bounds,
+            s_focus,
+            second_stop: settings.second_stop.as_ref(),
+        };
+        let tiles = tiles::plan(&inputs, count_samples);
+        let sample_sets = sample_sets(&tiles, &settings.aperture);
+        let footprint = Footprint::new(reach_px, |t| lens_samples::spacing_px(t, area, count_samples(t)));
+        let missed = if scene.opaque { Missed::Unknown } else { Missed::Nothing };
+        Plan { s_focus, reach_px, padding, bounds, tiles, sample_sets, footprint, missed }
+    }
+}
+
+fn sample_sets(tiles: &[Tile], aperture: &Aperture) -> BTreeMap<usize, Vec<LensSample>> {
+    let counts: BTreeSet<usize> = tiles
+        .iter()
+        .filter_map(|tile| match tile.work {
+            Work::Sweep { samples, .. } => Some(samples),
+            Work::Copy | Work::Disc => None,
+        })
+        .collect();
+    counts.into_iter().map(|n| (n, lens_samples::lens_samples(aperture, n))).collect()
+}

@@ -1,0 +1,168 @@
+//! Optical vignetting, or cat's eye: the barrel of a lens is a second stop, as large as the unit disc, that every pixel
+//! sees elsewhere.
+//!
+//! A pixel's light is that of the lens points it still sees, and is shared among them: the second stop changes the form
+//! of discs and not the brightness of the picture, which is the falloff's.
+
+use crate::aperture::Aperture;
+use crate::optics::SecondStop;
+use crate::scene::grid::TILE;
+use rayon::prelude::*;
+use std::f64::consts::TAU;
+
+/// Distances of the two stops, up to that at which nothing is open, and directions, for which the open part is counted.
+const DISTANCES: usize = 128;
+const DIRECTIONS: usize = 64;
+/// Lens points that it is counted with.
+const POINTS: usize = 4096;
+
+/// The second stop before an opening.
+#[derive(Clone)]
+pub struct PupilClip {
+    second_stop: SecondStop,
+    aperture: Aperture,
+    /// Open part of the opening, by the direction of the second stop and then by its distance, from 0 to 2.
+    open: Vec<[f64; DISTANCES + 1]>,
+}
+
+/// Which pixels of a tile see a sample, a bit for each pixel of a row.
+pub type Seen = [u64; TILE.1];
+
+impl PupilClip {
+    /// The second stop of a lens before its opening.
+    pub fn new(second_stop: SecondStop, aperture: &Aperture) -> PupilClip {
+        let points = aperture.pupil_points(POINTS);
+        let open = |direction: usize| {
+            let (sin, cos) = (TAU * direction as f64 / DIRECTIONS as f64).sin_cos();
+            std::array::from_fn(|i| {
+                let apart = 2.0 * i as f64 / DISTANCES as f64;
+                let seen = points.iter().filter(|l| (l[0] - apart * cos).hypot(l[1] - apart * sin) <= 1.0);
+                seen.count() as f64 / POINTS as f64
+            })
+        };
+        let open = (0..DIRECTIONS).into_par_iter().map(open).collect();
+        PupilClip { second_stop, aperture: aperture.clone(), open }
+    }
+
+    /// The part of the light of the opening that a pixel still sees.
+    pub fn open(&self, x: f64, y: f64) -> f64 {
+        let [x, y] = self.second_stop.stop(x, y);
+        let apart = (x.hypot(y) * 0.5 * DISTANCES as f64).min(DISTANCES as f64);
+        let turn = (y.atan2(x) / TAU).rem_euclid(1.0) * DIRECTIONS as f64;
+        let (i, direction) = ((apart as usize).min(DISTANCES - 1), turn as usize);
+        let along = |direction: usize| {
+            let row = &self.open[direction % DIRECTIONS];
+            row[i] + (apart - i as f64) * (row[i + 1] - row[i])
+        };
+        along(direction) + turn.fract() * (along(direction + 1) - along(direction))
+    }
+
+    /// How much more than of the whole opening's light a pixel has of what it sees through lens point `l`, where the
+    /// opening is drawn `t` pixels large: nothing beyond the stop, whose rim is as soft as a pixel.
+    pub fn share(&self, [x, y]: [f64; 2], l: [f64; 2], t: f64) -> f64 {
+        let (pupil, stop) = (self.aperture.pupil(l), self.second_stop.stop(x, y));
+        // A pixel on the rim of the lens itself is looked at half a pixel inside, where its light is: it is the stop's
+        // rim that is to be softened, and not both.
+        let innermost = (1.0 - 0.5 / t.abs()).max(0.0) / pupil[0].hypot(pupil[1]).max(1e-9);
+        let pupil = pupil.map(|v| v * innermost.min(1.0));
+        let inside = 1.0 - (pupil[0] - stop[0]).hypot(pupil[1] - stop[1]);
+        let open = self.open(x, y);
+        if open > 0.0 { (0.5 + t.abs() * inside).clamp(0.0, 1.0) / open } else { 0.0 }
+    }
+
+    /// Which pixels of the tile at `origin` see the opening at `pupil`, if any do: those `p` with `|pupil - c(p)| <=
+    /// 1`. As `c` is linear, in every row a stretch.
+    pub fn sample(&self, pupil: [f64; 2], origin: (usize, usize)) -> Option<Seen> {
+        let SecondStop { centre, per_px } = self.second_stop;
+        // The pixel whose stop is centred on the point, from the tile's first, and the reach of that pixel.
+        let middle = [0, 1].map(|i| {
+            let origin = if i == 0 { origin.0 } else { origin.1 };
+            pupil[i] / per_px + centre[i] - origin as f64
+        });
+        let reach = 1.0 / per_px;
+        let last = [TILE.0, TILE.1].map(|n| (n - 1) as f64);
+        let farthest = [0, 1].map(|i| middle[i].abs().max((last[i] - middle[i]).abs()));
+        let nearest = [0, 1].map(|i| (-middle[i]).max(middle[i] - last[i]).max(0.0));
+        if farthest[0].hypot(farthest[1]) <= reach {
+            return Some([u64::MAX; TILE.1]);
+        }
+        if nearest[0].hypot(nearest[1]) > reach {
+            return None;
+        }
+        Some(std::array::from_fn(|y| {
+            let Some([first, end]) = self.columns(pupil, origin.1 + y) else { return 0 };
+            let bits = |n: f64| {
+                // The lowest bits up to, and without, n.
+                let n = (n - origin.0 as f64).clamp(0.0, TILE.0 as f64) as u32;
+                u64::MAX.checked_shr(TILE.0 as u32 - n).unwrap_or(0)
+            };
+            bits(end) & !bits(first)
+        }))
+    }
+
+    /// The first column of row `y` that sees the opening at `pupil`, and the one after the last; they may lie outside the
+    /// frame.
+    pub fn columns(&self, pupil: [f64; 2], y: usize) -> Option<[f64; 2]> {
+        let SecondStop { centre, per_px } = self.second_stop;
+        let middle = [0, 1].map(|i| pupil[i] / per_px + centre[i]);
+        let down = y as f64 - middle[1];
+        let half = per_px.powi(-2) - down * down;
+        (half >= 0.0).then(|| [(middle[0] - half.sqrt()).ceil(), (middle[0] + half.sqrt()).floor() + 1.0])
+    }
+
+    /// The open parts one after another, as shaders look them up, and how many directions and distances there are.
+    pub fn table(&self) -> (Vec<f32>, [usize; 2]) {
+        let values = self.open.iter().flatten().map(|v| *v as f32).collect();
+        (values, [DIRECTIONS, DISTANCES])
+    }
+
+    /// The same for the part of the frame that begins with row `y`.
+    pub fn from_row(&self, y: usize) -> PupilClip {
+        PupilClip { second_stop: self.second_stop.from_row(y), ..self.clone() }
+    }
+
+    /// The second stop.
+    pub fn second_stop(&self) -> &SecondStop {
+        &self.second_stop
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::aperture::Side;
+    use std::f64::consts::PI;
+
+    fn clip() -> PupilClip {
+        let second_stop = SecondStop { centre: [149.5, 99.5], per_px: 0.9 / 180.0 };
+        PupilClip::new(second_stop, &Aperture::DISC)
+    }
+
+    #[test]
+    fn the_open_part_is_the_intersection_of_two_circles() {
+        let clip = clip();
+        for (x, y) in [(149.5, 99.5), (10.0, 20.0), (299.0, 199.0), (200.0, 3.0)] {
+            let c = clip.second_stop.stop(x, y);
+            let apart = c[0].hypot(c[1]);
+            let exact = (2.0 * (0.5 * apart).acos() - 0.5 * apart * (4.0 - apart * apart).sqrt()) / PI;
+            assert!((clip.open(x, y) - exact).abs() < 2e-3, "{} against {exact}", clip.open(x, y));
+        }
+    }
+
+    #[test]
+    fn pixels_of_a_tile_see_what_the_formula_says() {
+        let clip = clip();
+        for origin in [(0, 0), (128, 96), (256, 160)] {
+            for pupil in Aperture::DISC.lens_points(256, Side::Behind) {
+                let rows = clip.sample(pupil, origin).unwrap_or([0; TILE.1]);
+                for (x, y) in (0..TILE.1).flat_map(|y| (0..TILE.0).map(move |x| (x, y))) {
+                    let c = clip.second_stop.stop((origin.0 + x) as f64, (origin.1 + y) as f64);
+                    let apart = (pupil[0] - c[0]).hypot(pupil[1] - c[1]);
+                    if (apart - 1.0).abs() > 1e-9 {
+                        assert_eq!(rows[y] >> x & 1 != 0, apart < 1.0);
+                    }
+                }
+            }
+        }
+    }
+}

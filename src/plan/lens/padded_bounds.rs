@@ -1,0 +1,59 @@
+//! The [bounds of depth](crate::scene::depth_bounds) of the padded frame.
+
+use super::padding::Padding;
+use crate::scene::depth_bounds::{DepthBits, DepthBounds, unite};
+use crate::scene::grid::{BLOCK, TILE};
+
+/// The bounds of the blocks of the padded frame, each the union of those that it shows something of.
+pub fn padded(bounds: &DepthBounds, padding: &Padding) -> DepthBounds {
+    let shown = |n: usize, place: &dyn Fn(usize) -> usize| -> Vec<(usize, usize)> {
+        let block = |b: usize| {
+            let at = (b * BLOCK..(b + 1) * BLOCK).map(|i| place(i) / BLOCK);
+            at.fold((usize::MAX, 0), |(lo, hi), b| (lo.min(b), hi.max(b)))
+        };
+        (0..n / BLOCK).map(block).collect()
+    };
+    let columns = shown(padding.stride, &|px| padding.column(px).0);
+    let rows = shown(padding.rows, &|py| padding.row(py).0);
+    let (across, down) = (columns.len(), rows.len());
+    let mut padded = DepthBounds {
+        across,
+        down,
+        layers: bounds.layers,
+        occupied: vec![[0; 4]; across * down * bounds.layers],
+        range: vec![(u16::MAX, 0); across * down],
+        smooth: vec![Some(0); across * down],
+    };
+    for (i, (rows, columns)) in
+        rows.iter().flat_map(|rows| columns.iter().map(move |columns| (rows, columns))).enumerate()
+    {
+        for b in (rows.0..=rows.1).flat_map(|y| (columns.0..=columns.1).map(move |x| y * bounds.across + x)) {
+            for k in 0..bounds.layers {
+                unite(&mut padded.occupied[i * bounds.layers + k], &bounds.occupied[b * bounds.layers + k]);
+            }
+            padded.range[i] =
+                (padded.range[i].0.min(bounds.range[b].0), padded.range[i].1.max(bounds.range[b].1));
+            padded.smooth[i] = padded.smooth[i].zip(bounds.smooth[b]).map(|(a, b)| a.max(b));
+        }
+    }
+    padded
+}
+
+/// For each block, then each layer: the depths that occur in a tile anywhere within whose first pixel lies in
+/// the block.
+pub fn windows(bounds: &DepthBounds) -> Vec<DepthBits> {
+    // A tile that does not begin with a block touches one more.
+    let (wide, high) = (TILE.0 / BLOCK + 1, TILE.1 / BLOCK + 1);
+    let row = bounds.across * bounds.layers;
+    let along = |source: &[DepthBits], at: usize, step: usize, n: usize| {
+        let mut bits = [0; 4];
+        (0..n).for_each(|i| unite(&mut bits, &source[at + i * step]));
+        bits
+    };
+    let wide = |at: usize| {
+        let x = at % row / bounds.layers;
+        along(&bounds.occupied, at, bounds.layers, wide.min(bounds.across - x))
+    };
+    let across: Vec<DepthBits> = (0..bounds.occupied.len()).map(wide).collect();
+    (0..across.len()).map(|at| along(&across, at, row, high.min(bounds.down - at / row))).collect()
+}

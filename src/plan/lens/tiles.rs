@@ -1,0 +1,144 @@
+//! What each tile of the frame needs: a copy, an exact disc, or the full sweep over the lens.
+
+use super::padding::Padding;
+use crate::optics::SecondStop;
+use crate::rows::AT_ONCE;
+use crate::scene::depth_bounds::{DepthBits, DepthBounds};
+use crate::scene::depth_codes::DepthCodes;
+use crate::scene::grid::{BLOCK, TILE};
+use rayon::prelude::*;
+
+/// A disc up to this radius lies inside its own pixel.
+pub const IN_FOCUS_PX: f64 = 0.5;
+/// The disc of a pixel on a tilted surface is centred `slope * radius / 4` beside it; a quarter of a pixel may pass.
+const TILT_PX: f64 = 1.0;
+
+/// The work of one tile.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Work {
+    /// Everything that can reach the tile is in focus.
+    Copy,
+    /// One closed surface of nearly constant depth: each pixel is the mean over its own disc.
+    Disc,
+    /// Visibility for every lens point.
+    Sweep {
+        /// How many samples.
+        samples: usize,
+        /// The depths that a ray of this tile may meet.
+        occupied: DepthBits,
+    },
+}
+
+/// A tile and its work.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tile {
+    /// Left column and top row in the frame.
+    pub origin: (usize, usize),
+    /// The largest disc that reaches it, in pixels.
+    pub reach_px: f64,
+    /// What to do.
+    pub work: Work,
+}
+
+/// DepthSpans, by high byte, whose discs reach at least `distance` pixels.
+fn reaching(codes: &DepthCodes, s_focus: f64, distance: f64) -> DepthBits {
+    let mut bits = [0u64; 4];
+    for bin in 0..256usize {
+        let shift = |code: usize| (codes.decode(code as f64) - s_focus).abs();
+        // One pixel more for the cell's own width and the ray's start inside its pixel.
+        if shift(bin << 8).max(shift((bin << 8) + 256)) + 1.5 >= distance {
+            bits[bin / 64] |= 1 << (bin % 64);
+        }
+    }
+    bits
+}
+
+/// What tiles are planned for.
+pub struct Inputs<'a> {
+    pub padding: &'a Padding,
+    pub codes: &'a DepthCodes,
+    /// The bounds of depth of the padded frame.
+    pub bounds: &'a DepthBounds,
+    pub s_focus: f64,
+    /// Set if pixels see the lens clipped, each in its own way: no disc is the same for all of a tile.
+    pub second_stop: Option<&'a SecondStop>,
+}
+
+/// The padded blocks that come within `margin` pixels of the tile at `origin`.
+fn blocks_around(
+    padding: &Padding,
+    origin: (usize, usize),
+    margin: usize,
+) -> impl Iterator<Item = (usize, usize)> {
+    let range = |v: usize, side: usize, n: usize| {
+        let first = (v + padding.pad).saturating_sub(margin) / BLOCK;
+        first..((v + padding.pad + side + margin).div_ceil(BLOCK)).min(n / BLOCK)
+    };
+    let columns = range(origin.0, TILE.0, padding.stride);
+    range(origin.1, TILE.1, padding.rows).flat_map(move |by| columns.clone().map(move |bx| (bx, by)))
+}
+
+/// Plans every tile; `count_samples` says how many samples a largest disc of some radius needs.
+pub fn plan(inputs: &Inputs, count_samples: impl Fn(f64) -> usize + Sync) -> Vec<Tile> {
+    let Inputs { padding, codes, bounds, s_focus, second_stop } = *inputs;
+    let shift = |code: u16| codes.decode(f64::from(code)) - s_focus;
+    let block_reach: Vec<f64> = bounds
+        .range
+        .iter()
+        .map(|&(lo, hi)| if lo > hi { 0.0 } else { shift(lo).abs().max(shift(hi).abs()) })
+        .collect();
+    let largest = block_reach.iter().copied().fold(0.0, f64::max);
+    let masks: Vec<DepthBits> =
+        (0..=largest as usize + 3).map(|distance| reaching(codes, s_focus, distance as f64)).collect();
+
+    let plan_tile = |origin: (usize, usize)| {
+        let (x0, y0) = (origin.0 + padding.pad, origin.1 + padding.pad);
+        let (x1, y1) = (x0 + TILE.0, y0 + TILE.1);
+        let mut occupied = [0u64; 4];
+        let (mut reach, mut steepest) = (0.0f64, Some(0u16));
+        for (bx, by) in blocks_around(padding, origin, largest as usize + 2) {
+            let b = by * bounds.across + bx;
+            let gap = |lo: usize, hi: usize, b: usize| {
+                lo.saturating_sub((b + 1) * BLOCK - 1).max((b * BLOCK).saturating_sub(hi - 1)) as f64
+            };
+            let distance = gap(x0, x1, bx).hypot(gap(y0, y1, by));
+            if distance > block_reach[b] + 1.5 {
+                continue;
+            }
+            let mask = &masks[(distance as usize).min(masks.len() - 1)];
+            for bits in &bounds.occupied[b * bounds.layers..][..bounds.layers] {
+                for i in 0..4 {
+                    occupied[i] |= bits[i] & mask[i];
+                }
+            }
+            reach = reach.max(block_reach[b]);
+            steepest = steepest.zip(bounds.smooth[b]).map(|(a, b)| a.max(b));
+        }
+        let work = if reach <= IN_FOCUS_PX {
+            Work::Copy
+        } else if second_stop.is_none()
+            && steepest.is_some_and(|codes_per_px| f64::from(codes_per_px) * codes.step() * reach <= TILT_PX)
+        {
+            Work::Disc
+        } else {
+            Work::Sweep { samples: count_samples(reach), occupied }
+        };
+        Tile { origin, reach_px: reach, work }
+    };
+
+    let columns = (0..padding.width).step_by(TILE.0);
+    let rows = (0..padding.height).step_by(TILE.1);
+    let origins: Vec<_> = rows.flat_map(|y| columns.clone().map(move |x| (x, y))).collect();
+    origins.into_par_iter().with_max_len(AT_ONCE).map(plan_tile).collect()
+}
+
+/// Which padded blocks some sweep may read.
+pub fn needed(padding: &Padding, bounds: &DepthBounds, tiles: &[Tile]) -> Vec<bool> {
+    let mut needed = vec![false; bounds.across * bounds.down];
+    for tile in tiles.iter().filter(|tile| matches!(tile.work, Work::Sweep { .. })) {
+        for (bx, by) in blocks_around(padding, tile.origin, tile.reach_px.ceil() as usize + 2) {
+            needed[by * bounds.across + bx] = true;
+        }
+    }
+    needed
+}

@@ -1,0 +1,157 @@
+//! The colour of a layer's cells: planes as they came, and the few cells that differ from them.
+
+use crate::memory::Buffer;
+use crate::picture::Size;
+use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// A cell with a colour of its own.
+#[derive(Clone, Copy)]
+pub struct Own {
+    pub index: usize,
+    pub color: [f32; 4],
+}
+
+/// The colours of one layer.
+#[derive(Clone)]
+pub struct Colors {
+    size: Size,
+    /// Planes of the frame; none where all cells are listed.
+    planes: Option<Arc<Buffer<f32>>>,
+    /// The cells that differ, by rising index.
+    own: Vec<Own>,
+}
+
+impl Colors {
+    /// Colours as planes.
+    pub fn new(size: Size, planes: Arc<Buffer<f32>>) -> Colors {
+        Colors { size, planes: Some(planes), own: Vec::new() }
+    }
+
+    /// Colours of these cells only, zero elsewhere.
+    pub fn of_cells(size: Size, own: Vec<Own>) -> Colors {
+        Colors { size, planes: None, own: Vec::new() }.with(own)
+    }
+
+    /// The same, but for these cells, each of which is listed once.
+    pub fn with(&self, mut changes: Vec<Own>) -> Colors {
+        changes.par_sort_unstable_by_key(|cell| cell.index);
+        let own = if self.own.is_empty() { changes } else { merged(&self.own, &changes) };
+        Colors { size: self.size, planes: self.planes.clone(), own }
+    }
+
+    /// These channels alone.
+    pub fn of_channels(&self, channels: &[usize]) -> Colors {
+        let n = self.size.pixels();
+        let planes = self.planes.as_ref().map(|planes| {
+            let kept: Vec<_> = channels.iter().map(|&c| &planes[c * n..][..n]).collect();
+            Arc::new(Buffer::concat(&kept))
+        });
+        let own = self.own.iter().map(|cell| Own {
+            index: cell.index,
+            color: std::array::from_fn(|i| channels.get(i).map_or(0.0, |&c| cell.color[c])),
+        });
+        Colors { size: Size { channels: channels.len(), ..self.size }, planes, own: own.collect() }
+    }
+
+    /// The rows of these pixels alone, of a frame of this size.
+    pub fn rows(&self, pixels: Range<usize>, size: Size) -> Colors {
+        let planes = self.planes.as_ref().map(|planes| {
+            let of_plane = planes.chunks(self.size.pixels()).map(|plane| &plane[pixels.clone()]);
+            Arc::new(Buffer::concat(&of_plane.collect::<Vec<_>>()))
+        });
+        let own = self.own(pixels.clone()).iter();
+        let own = own.map(|cell| Own { index: cell.index - pixels.start, ..*cell }).collect();
+        Colors { size, planes, own }
+    }
+
+    /// Whether only listed cells have a colour.
+    pub fn is_list(&self) -> bool {
+        self.planes.is_none()
+    }
+
+    /// The listed cells from one pixel to another.
+    pub fn own(&self, pixels: Range<usize>) -> &[Own] {
+        let place = |index: usize| self.own.partition_point(|cell| cell.index < index);
+        &self.own[place(pixels.start)..place(pixels.end)]
+    }
+
+    /// The colour of one cell.
+    pub fn at(&self, index: usize) -> [f32; 4] {
+        match (self.own.binary_search_by_key(&index, |cell| cell.index), &self.planes) {
+            (Ok(i), _) => self.own[i].color,
+            (Err(_), None) => [0.0; 4],
+            (Err(_), Some(planes)) => std::array::from_fn(|c| {
+                if c < self.size.channels { planes[c * self.size.pixels() + index] } else { 0.0 }
+            }),
+        }
+    }
+
+    /// Copies a stretch of row `y`, that of each channel `pitch` values after the one before.
+    pub fn copy_row(&self, y: usize, columns: Range<usize>, pitch: usize, out: &mut [f32]) {
+        let (start, n) = (y * self.size.width + columns.start, columns.len());
+        for c in 0..self.size.channels {
+            let out = &mut out[c * pitch..][..n];
+            match &self.planes {
+                Some(planes) => out.copy_from_slice(&planes[c * self.size.pixels() + start..][..n]),
+                None => out.fill(0.0),
+            }
+        }
+        for cell in self.own(start..start + n) {
+            for c in 0..self.size.channels {
+                out[c * pitch + cell.index - start] = cell.color[c];
+            }
+        }
+    }
+
+    /// All colours as planes.
+    pub fn to_planes(&self) -> Buffer<f32> {
+        let n = self.size.pixels();
+        let mut all = match &self.planes {
+            Some(planes) => Buffer::clone(planes),
+            None => Buffer::full(n * self.size.channels, 0.0),
+        };
+        for cell in &self.own {
+            for c in 0..self.size.channels {
+                all[c * n + cell.index] = cell.color[c];
+            }
+        }
+        all
+    }
+}
+
+/// Cells of two lists by rising index; of one that stands in both, the later.
+fn merged(earlier: &[Own], later: &[Own]) -> Vec<Own> {
+    let mut all = Vec::with_capacity(earlier.len() + later.len());
+    let mut rest = earlier.iter().peekable();
+    for cell in later {
+        while let Some(before) = rest.next_if(|other| other.index < cell.index) {
+            all.push(*before);
+        }
+        rest.next_if(|other| other.index == cell.index);
+        all.push(*cell);
+    }
+    all.extend(rest);
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn listed_cells_win_over_planes_and_later_ones_over_earlier() {
+        let size = Size { width: 3, height: 2, channels: 2 };
+        let planes = Arc::new((0..12).map(|v| v as f32).collect::<Buffer<_>>());
+        let own = |index: usize, v: f32| Own { index, color: [v, -v, 0.0, 0.0] };
+        let colors =
+            Colors::new(size, planes).with(vec![own(4, 50.0), own(1, 20.0)]).with(vec![own(4, 60.0)]);
+        assert_eq!(colors.at(0), [0.0, 6.0, 0.0, 0.0]);
+        assert_eq!(colors.at(4), [60.0, -60.0, 0.0, 0.0]);
+        let mut row = [0.0; 4];
+        colors.copy_row(1, 1..3, 2, &mut row);
+        assert_eq!(row, [60.0, 5.0, -60.0, 11.0]);
+        assert_eq!(colors.to_planes()[..6], [0.0, 20.0, 2.0, 3.0, 60.0, 5.0]);
+    }
+}

@@ -1,0 +1,162 @@
+//! Bounds of depth in blocks of pixels: the coarse level of the min/max depth hierarchy (Hi-Z) that rays are culled
+//! with. The fine level is in `cpu/lens/culling.rs`.
+
+use super::depth_codes::DepthCodes;
+use super::depth_spans::DepthSpans;
+use super::edges::EDGE;
+use super::grid::BLOCK;
+use crate::picture::Size;
+use crate::simd::Simd;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// A set of depths, one bit for each high byte of their codes.
+pub type DepthBits = [u64; 4];
+
+/// Whether any of the bins `from ..= to` is set.
+#[inline(always)]
+pub fn any_bin(bits: &DepthBits, from: usize, to: usize) -> bool {
+    let (first, last) = (from / 64, to / 64);
+    let (above, below) = (u64::MAX << (from % 64), u64::MAX >> (63 - to % 64));
+    if first == last {
+        return bits[first] & above & below != 0;
+    }
+    bits[first] & above != 0 || bits[last] & below != 0 || bits[first + 1..last].iter().any(|&b| b != 0)
+}
+
+/// Adds the depths of `bits`.
+pub fn unite(into: &mut DepthBits, bits: &DepthBits) {
+    into.iter_mut().zip(bits).for_each(|(into, bits)| *into |= bits);
+}
+
+/// The blocks of a frame, in rows of `across`.
+pub struct DepthBounds {
+    pub across: usize,
+    pub down: usize,
+    /// How many layers there are.
+    pub layers: usize,
+    /// For each block, then each layer: the depths that occur.
+    pub occupied: Vec<DepthBits>,
+    /// For each block: least and greatest code over all layers.
+    pub range: Vec<(u16, u16)>,
+    /// For each block: the steepest cell, in codes, where all is one closed surface in the first layer.
+    pub smooth: Vec<Option<u16>>,
+}
+
+/// What the cells of one layer in one block are.
+struct Summary {
+    /// Least and greatest code.
+    range: (u16, u16),
+    steepest: u16,
+    /// Whether every pixel has a cell.
+    whole: bool,
+}
+
+/// One pass over a stretch of cells.
+#[inline(always)]
+fn summarize(lo: &[u16], hi: &[u16], summary: &mut Summary) {
+    let (mut least, mut greatest, mut steepest, mut whole) =
+        (summary.range.0, summary.range.1, summary.steepest, summary.whole);
+    for (&lo, &hi) in lo.iter().zip(hi) {
+        // An empty cell's code of 0 becomes the greatest of all, and does not count.
+        least = least.min(lo.wrapping_sub(1));
+        greatest = greatest.max(hi);
+        steepest = steepest.max(hi - lo);
+        whole &= hi > 0;
+    }
+    *summary = Summary { range: (least, greatest), steepest, whole };
+}
+
+impl DepthBounds {
+    /// The blocks of the unpadded frame. `connectivity` are those of the first layer, if it has any.
+    pub fn new(
+        size: Size,
+        depths: &[DepthSpans],
+        codes: &DepthCodes,
+        connectivity: &[u8],
+        simd: Simd,
+    ) -> DepthBounds {
+        let codes_per_px = (1.0 / codes.step()) as u16;
+        let (across, down) = (size.width.div_ceil(BLOCK), size.height.div_ceil(BLOCK));
+        let block = |b: usize| {
+            let (x0, y0) = (b % across * BLOCK, b / across * BLOCK);
+            let n = BLOCK.min(size.width - x0);
+            let rows = || (y0..(y0 + BLOCK).min(size.height)).map(|y| y * size.width + x0);
+            let (mut range, mut smooth) = ((u16::MAX, 0u16), !connectivity.is_empty());
+            let mut occupied = vec![[0u64; 4]; depths.len()];
+            let mut steepest = 0;
+            for (k, depths) in depths.iter().enumerate() {
+                let mut own = Summary { range: (u16::MAX, 0), steepest: 0, whole: true };
+                simd.run(
+                    #[inline(always)]
+                    || {
+                        for at in rows() {
+                            summarize(&depths.lo[at..at + n], &depths.hi[at..at + n], &mut own);
+                        }
+                    },
+                );
+                // The first layer has to be whole for a smooth block, the others empty.
+                smooth &= if k == 0 { own.whole } else { own.range.1 == 0 };
+                if own.range.1 == 0 {
+                    continue;
+                }
+                steepest = steepest.max(own.steepest);
+                let (lo, hi) = (own.range.0 + 1, own.range.1);
+                range = (range.0.min(lo), range.1.max(hi));
+                let mut set = |lo: u16, hi: u16| {
+                    for bin in lo >> 8..=hi >> 8 {
+                        occupied[k][usize::from(bin >> 6)] |= 1 << (bin & 63);
+                    }
+                };
+                // Two neighbouring bins are both in use when the extremes lie in them; and where all bins span less
+                // than a pixel, knowing them one by one would not save a single look.
+                if (hi >> 8) - (lo >> 8) <= 1 || hi - lo < codes_per_px {
+                    set(lo, hi);
+                } else {
+                    for i in rows().flat_map(|at| at..at + n).filter(|&i| depths.hi[i] > 0) {
+                        set(depths.lo[i], depths.hi[i]);
+                    }
+                }
+            }
+            smooth = smooth
+                && rows().all(|at| connectivity[at..at + n].iter().fold(0, |all, l| all | l) & EDGE == 0);
+            (occupied, range, smooth.then_some(steepest))
+        };
+        let all: Vec<_> = (0..across * down).into_par_iter().map(block).collect();
+        DepthBounds {
+            across,
+            down,
+            layers: depths.len(),
+            occupied: all.iter().flat_map(|b| b.0.iter().copied()).collect(),
+            range: all.iter().map(|b| b.1).collect(),
+            smooth: all.iter().map(|b| b.2).collect(),
+        }
+    }
+
+    /// The blocks of some rows of the frame, which begin with a block.
+    pub fn rows(&self, rows: Range<usize>) -> DepthBounds {
+        let (first, end) = (rows.start / BLOCK, rows.end.div_ceil(BLOCK));
+        let blocks = first * self.across..end * self.across;
+        DepthBounds {
+            across: self.across,
+            down: end - first,
+            layers: self.layers,
+            occupied: self.occupied[blocks.start * self.layers..blocks.end * self.layers].to_vec(),
+            range: self.range[blocks.clone()].to_vec(),
+            smooth: self.smooth[blocks].to_vec(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bins_are_found_in_their_range_only() {
+        let mut bits = [0u64; 4];
+        bits[1] |= 1 << 3;
+        assert!(any_bin(&bits, 67, 67) && any_bin(&bits, 0, 255) && any_bin(&bits, 60, 70));
+        assert!(!any_bin(&bits, 0, 66) && !any_bin(&bits, 68, 255));
+    }
+}

@@ -1,0 +1,173 @@
+//! Depth discontinuities: which neighbouring pixels lie on one surface, and where surfaces end.
+
+use rayon::prelude::*;
+
+/// Two neighbours closer than this in shift belong together: within half a pixel of either's own place.
+pub const CONNECTED_PX: f32 = 1.0;
+
+/// How far a surface may leave its own linear continuation and still be the same surface. The disparity of a
+/// plane is linear over the picture, so a plane however steep continues itself exactly.
+const CONTINUES_PX: f32 = 0.5;
+
+/// The pixel and its right neighbour are on one surface.
+pub const RIGHT: u8 = 1;
+/// The pixel and the one below it are on one surface.
+pub const DOWN: u8 = 2;
+/// A surface ends somewhere in the pixel's 3x3 neighbourhood: its colour may mix two surfaces.
+pub const EDGE: u8 = 4;
+
+/// Whether neighbours with shifts `a` and `b` are on one surface, `before` and `after` being the next ones on
+/// the line through them.
+fn connected(before: f32, a: f32, b: f32, after: f32) -> bool {
+    (b - a).abs() < CONNECTED_PX
+        || (b - (2.0 * a - before)).abs() < CONTINUES_PX
+        || (a - (2.0 * b - after)).abs() < CONTINUES_PX
+}
+
+/// `RIGHT`, `DOWN` and `EDGE` of every pixel.
+pub fn connectivity(s: &[f32], width: usize, height: usize) -> Vec<u8> {
+    let mut connectivity = vec![RIGHT | DOWN; s.len()];
+    let broken: Vec<(usize, u8)> = connectivity
+        .par_chunks_mut(width)
+        .enumerate()
+        .flat_map_iter(|(y, row)| {
+            let broken = broken_connections(s, width, height, y);
+            for &(i, bit) in &broken {
+                row[i - y * width] &= !bit;
+            }
+            broken
+        })
+        .collect();
+    // A broken connection makes edges of the pixels whose 3x3 neighbourhood holds it.
+    for (i, bit) in broken {
+        let (x, y) = (i % width, i / width);
+        let (columns, rows) = if bit == RIGHT {
+            (x..=x + 1, y.saturating_sub(1)..=(y + 1).min(height - 1))
+        } else {
+            (x.saturating_sub(1)..=(x + 1).min(width - 1), y..=y + 1)
+        };
+        for y in rows {
+            for x in columns.clone() {
+                connectivity[y * width + x] |= EDGE;
+            }
+        }
+    }
+    connectivity
+}
+
+/// Where two rows of shifts are farther apart than a step on one surface. Few are, so that whole groups are asked
+/// first.
+fn steps(a: &[f32], b: &[f32]) -> Vec<usize> {
+    const GROUP: usize = 32;
+    let far = |a: &f32, b: &f32| (b - a).abs() >= CONNECTED_PX;
+    let mut steps = Vec::new();
+    for (i, (a, b)) in a.chunks(GROUP).zip(b.chunks(GROUP)).enumerate() {
+        if a.iter().zip(b).fold(false, |any, (a, b)| any | far(a, b)) {
+            let here = a.iter().zip(b).enumerate().filter(|(_, (a, b))| far(a, b));
+            steps.extend(here.map(|(x, _)| i * GROUP + x));
+        }
+    }
+    steps
+}
+
+/// The connectivity of row `y` that join no surface, as pixel and bit.
+fn broken_connections(s: &[f32], width: usize, height: usize, y: usize) -> Vec<(usize, u8)> {
+    let row = &s[y * width..][..width];
+    let mut broken = Vec::new();
+    // A missing `before` or `after` predicts a flat surface.
+    for x in steps(row, &row[1..]) {
+        if !connected(row[x.saturating_sub(1)], row[x], row[x + 1], row[(x + 2).min(width - 1)]) {
+            broken.push((y * width + x, RIGHT));
+        }
+    }
+    if y + 1 < height {
+        let below = &s[(y + 1) * width..][..width];
+        let before = &s[y.saturating_sub(1) * width..][..width];
+        let after = &s[(y + 2).min(height - 1) * width..][..width];
+        for x in steps(row, below) {
+            if !connected(before[x], row[x], below[x], after[x]) {
+                broken.push((y * width + x, DOWN));
+            }
+        }
+    }
+    broken
+}
+
+/// The largest distance told apart by [`distance_to_edges`].
+const FAR_PX: u8 = 48;
+/// Rows whose distances are found together.
+const BAND: usize = 96;
+
+/// Chessboard distance in pixels to the nearest edge pixel, up to [`FAR_PX`].
+pub fn distance_to_edges(connectivity: &[u8], width: usize) -> Vec<u8> {
+    let rows = connectivity.len() / width;
+    let mut distance = vec![FAR_PX; connectivity.len()];
+    distance.par_chunks_mut(width * BAND).enumerate().for_each(|(band, out)| {
+        // Edges of the neighbouring bands count as far as distances are told apart.
+        let first = (band * BAND).saturating_sub(usize::from(FAR_PX));
+        let end = ((band + 1) * BAND + usize::from(FAR_PX)).min(rows);
+        let near = &connectivity[first * width..end * width];
+        if near.iter().fold(0, |all, l| all | l) & EDGE == 0 {
+            return;
+        }
+        let mut d: Vec<u8> = near.iter().map(|l| if l & EDGE != 0 { 0 } else { FAR_PX }).collect();
+        // Two sweeps, each carrying distances on from the row before and along the row.
+        for y in 0..end - first {
+            let (before, row) = d.split_at_mut(y * width);
+            carry_over(before.rchunks(width).next(), &mut row[..width]);
+            let mut last = FAR_PX;
+            row[..width].iter_mut().for_each(|d| carry_on(&mut last, d));
+        }
+        for y in (0..end - first).rev() {
+            let (row, after) = d[y * width..].split_at_mut(width);
+            carry_over(after.chunks(width).next(), row);
+            let mut last = FAR_PX;
+            row.iter_mut().rev().for_each(|d| carry_on(&mut last, d));
+        }
+        let own = (band * BAND - first) * width;
+        out.copy_from_slice(&d[own..own + out.len()]);
+    });
+    distance
+}
+
+/// Distances as the row beside knows them.
+fn carry_over(beside: Option<&[u8]>, row: &mut [u8]) {
+    let Some(beside) = beside else { return };
+    let n = row.len();
+    for (d, near) in row.iter_mut().zip(beside) {
+        *d = (*d).min(near + 1);
+    }
+    for (d, near) in row[1..].iter_mut().zip(&beside[..n - 1]) {
+        *d = (*d).min(near + 1);
+    }
+    for (d, near) in row[..n - 1].iter_mut().zip(&beside[1..]) {
+        *d = (*d).min(near + 1);
+    }
+}
+
+/// A distance as the pixel before knows it.
+fn carry_on(last: &mut u8, d: &mut u8) {
+    *d = (*d).min(*last + 1);
+    *last = *d;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_steep_plane_is_one_surface_and_a_step_is_an_edge() {
+        let (w, h) = (12, 5);
+        let plane: Vec<f32> = (0..w * h).map(|i| 3.0 * (i % w) as f32 - 2.0 * (i / w) as f32).collect();
+        assert!(connectivity(&plane, w, h).iter().all(|&l| l == RIGHT | DOWN));
+
+        let step: Vec<f32> = (0..w * h).map(|i| if i % w < 6 { 0.0 } else { 9.0 }).collect();
+        for (i, l) in connectivity(&step, w, h).iter().enumerate() {
+            assert_eq!(l & EDGE != 0, (5..7).contains(&(i % w)), "column {}", i % w);
+            assert_eq!(l & RIGHT == 0, i % w == 5);
+        }
+        for (i, d) in distance_to_edges(&connectivity(&step, w, h), w).iter().enumerate() {
+            assert_eq!(usize::from(*d), (5usize.saturating_sub(i % w)).max((i % w).saturating_sub(6)));
+        }
+    }
+}

@@ -1,0 +1,192 @@
+//! Bright cells: those that outshine their surroundings, whatever is in focus.
+
+use super::colors::Colors;
+use super::grid::BLOCK;
+use super::layer::SceneLayer;
+use crate::picture::Size;
+use crate::simd::Simd;
+use rayon::prelude::*;
+
+/// A cell is a highlight when it is brighter than this many times its surroundings. A sample of 512 then changes a
+/// pixel of the disc by one hundredth of the surroundings when it comes or goes.
+const BRIGHTER: f32 = 5.0;
+/// Blocks on each side whose mean is "the surroundings".
+const AROUND: usize = 2;
+
+/// Channels that hold light: the last of two or four is coverage, which is not brighter or darker.
+fn light_channels(size: Size) -> usize {
+    if size.channels == 2 { 1 } else { size.channels.min(3) }
+}
+
+/// How bright a colour is.
+fn brightness(color: &[f32; 4], lights: usize) -> f32 {
+    color[..lights].iter().sum()
+}
+
+/// The light of some cells.
+#[derive(Clone, Copy, Default)]
+struct Light {
+    sum: [f32; 4],
+    cells: f32,
+}
+
+impl Light {
+    fn add(&mut self, other: &Light) {
+        self.sum.iter_mut().zip(other.sum).for_each(|(sum, v)| *sum += v);
+        self.cells += other.cells;
+    }
+
+    fn mean(&self) -> [f32; 4] {
+        self.sum.map(|sum| sum / self.cells.max(1.0))
+    }
+}
+
+/// The light of every block of the frame, for telling what stands out.
+struct BlockLight {
+    size: Size,
+    across: usize,
+    down: usize,
+    /// Light of the cells that are no highlights.
+    light: Vec<Light>,
+    /// The brightest cell.
+    brightest: Vec<f32>,
+    /// What is brighter than this is a highlight.
+    limit: Vec<f32>,
+}
+
+impl BlockLight {
+    /// The surroundings of a layer's cells: first of all cells, then of those not much brighter than that.
+    fn new(size: Size, colors: &Colors, simd: Simd) -> BlockLight {
+        let (across, down) = (size.width.div_ceil(BLOCK), size.height.div_ceil(BLOCK));
+        let lights = light_channels(size);
+        let block_row = |scratch: &mut Vec<f32>, by: usize| {
+            let mut blocks = vec![(Light::default(), f32::NEG_INFINITY); across];
+            scratch.resize(size.width * size.channels, 0.0);
+            for y in by * BLOCK..(by * BLOCK + BLOCK).min(size.height) {
+                colors.copy_row(y, 0..size.width, size.width, scratch);
+                simd.run(
+                    #[inline(always)]
+                    || add_row(scratch, size.width, lights, &mut blocks),
+                );
+            }
+            blocks
+        };
+        let rows: Vec<_> = (0..down).into_par_iter().map_init(Vec::new, block_row).collect();
+        let (light, brightest) = rows.into_iter().flatten().unzip();
+        let mut all = BlockLight { size, across, down, light, brightest, limit: Vec::new() };
+        all.limit = all.limits();
+        let dim = |b: usize| {
+            if all.brightest[b] <= all.limit[b] {
+                return all.light[b];
+            }
+            let mut light = Light::default();
+            let colors = all.cells(b).map(|i| colors.at(i));
+            for color in colors.filter(|color| brightness(color, lights) <= all.limit[b]) {
+                light.add(&Light { sum: color, cells: 1.0 });
+            }
+            light
+        };
+        all.light = (0..across * down).into_par_iter().map(dim).collect();
+        all.limit = all.limits();
+        all
+    }
+
+    /// The mean colour of the blocks around a block, itself among them.
+    fn around(&self, b: usize) -> [f32; 4] {
+        let (bx, by) = (b % self.across, b / self.across);
+        let columns = bx.saturating_sub(AROUND)..(bx + AROUND + 1).min(self.across);
+        let mut light = Light::default();
+        for y in by.saturating_sub(AROUND)..(by + AROUND + 1).min(self.down) {
+            columns.clone().for_each(|x| light.add(&self.light[y * self.across + x]));
+        }
+        light.mean()
+    }
+
+    /// The limits that traverse from the light at hand.
+    fn limits(&self) -> Vec<f32> {
+        let limit = |b: usize| BRIGHTER * brightness(&self.around(b), light_channels(self.size));
+        (0..self.light.len()).into_par_iter().map(limit).collect()
+    }
+
+    /// The block of a cell.
+    fn block_of(&self, index: usize) -> usize {
+        index / self.size.width / BLOCK * self.across + index % self.size.width / BLOCK
+    }
+
+    /// The cells of a block.
+    fn cells(&self, b: usize) -> impl Iterator<Item = usize> + use<> {
+        let (x0, y0, width) = (b % self.across * BLOCK, b / self.across * BLOCK, self.size.width);
+        let x1 = (x0 + BLOCK).min(width);
+        (y0..(y0 + BLOCK).min(self.size.height)).flat_map(move |y| y * width + x0..y * width + x1)
+    }
+}
+
+/// Adds a row of the frame, all channels one after another, to the blocks that it crosses.
+#[inline(always)]
+fn add_row(row: &[f32], width: usize, lights: usize, blocks: &mut [(Light, f32)]) {
+    for (bx, (light, brightest)) in blocks.iter_mut().enumerate() {
+        let columns = bx * BLOCK..(bx * BLOCK + BLOCK).min(width);
+        light.cells += columns.len() as f32;
+        let mut bright = [0.0f32; BLOCK];
+        for c in 0..lights {
+            let mut sum = 0.0;
+            for (bright, v) in bright.iter_mut().zip(&row[c * width..][columns.clone()]) {
+                *bright += v;
+                sum += v;
+            }
+            light.sum[c] += sum;
+        }
+        *brightest = bright[..columns.len()].iter().fold(*brightest, |m, &v| if v > m { v } else { m });
+    }
+}
+
+/// A cell that stands out, whatever is in focus.
+#[derive(Clone, Copy)]
+pub struct Bright {
+    pub index: usize,
+    /// Its colour without the light above its surroundings.
+    pub dim: [f32; 4],
+    /// That light, of the part of the pixel that the cell covers.
+    pub excess: [f32; 4],
+}
+
+/// The cells of each layer that stand out.
+pub fn find(size: Size, layers: &[SceneLayer], simd: Simd) -> Vec<Vec<Bright>> {
+    let lights = light_channels(size);
+    let front = BlockLight::new(size, &layers[0].colors, simd);
+    let of_layer = |(i, layer): (usize, &SceneLayer)| {
+        // A real layer has surroundings of its own: the one in front may be dark, or hardly there.
+        let own = (i > 0 && !layer.colors.is_list()).then(|| BlockLight::new(size, &layer.colors, simd));
+        let brighter = |b: usize| match &own {
+            Some(own) if own.limit[b] > front.limit[b] => own,
+            _ => &front,
+        };
+        let stands_out = |&index: &usize| {
+            let bright = brightness(&layer.colors.at(index), lights);
+            bright > brighter(front.block_of(index)).limit[front.block_of(index)]
+        };
+        let found: Vec<usize> = if layer.colors.is_list() {
+            let cells = layer.colors.own(0..size.pixels()).par_iter().map(|cell| cell.index);
+            cells.filter(stands_out).collect()
+        } else {
+            let brightest = &own.as_ref().unwrap_or(&front).brightest;
+            let blocks =
+                (0..brightest.len()).into_par_iter().filter(|&b| brightest[b] > brighter(b).limit[b]);
+            blocks.flat_map_iter(|b| front.cells(b)).filter(stands_out).collect()
+        };
+        let bright = |index: usize| {
+            let b = front.block_of(index);
+            let (color, around) = (layer.colors.at(index), brighter(b).around(b));
+            let above = |c: usize| (color[c] - around[c].max(0.0)).max(0.0);
+            let excess: [f32; 4] = std::array::from_fn(|c| if c < lights { above(c) } else { 0.0 });
+            let area = match layer.partial.binary_search_by_key(&index, |p| p.0) {
+                Ok(i) => layer.partial[i].1.area,
+                Err(_) => 1.0,
+            };
+            let dim = std::array::from_fn(|c| color[c] - excess[c]);
+            Bright { index, dim, excess: excess.map(|e| area * e) }
+        };
+        found.into_iter().map(bright).collect()
+    };
+    layers.iter().enumerate().map(of_layer).collect()
+}

@@ -1,0 +1,520 @@
+//! What lies hidden behind foreground edges: colour and depth of the surface that the lens sees there and the
+//! pinhole did not.
+
+use super::edges::{self, CONNECTED_PX, EDGE};
+use super::grid::BLOCK;
+use super::matting::{FrontLayer, MixedPixel};
+use crate::cancel::Cancel;
+use crate::error::Result;
+use crate::rows::AT_ONCE;
+use rayon::prelude::*;
+
+/// Directions in which a hidden pixel looks for what continues behind it.
+const DIRECTIONS: usize = 16;
+/// How far beyond a silhouette a pure pixel is looked for.
+const BEYOND_EDGE: usize = 4;
+/// Hits this close in shift are one surface.
+const SAME_SURFACE_PX: f32 = 2.0;
+/// A hidden surface lies at least this far behind what hides it.
+const BEHIND_PX: f32 = 0.5;
+/// A lens sees no farther behind a silhouette than the difference in shift, and a little more for rounding.
+const MARGIN_PX: f32 = 2.0;
+/// Far from edges only every so many pixels look, along each axis of a block: first the farthest from edges, then others.
+const SPACINGS_PX: [usize; 2] = [4, 2];
+
+/// A hidden pixel filled in.
+pub struct Hidden {
+    pub index: usize,
+    pub s: f32,
+    pub color: [f32; 4],
+}
+
+/// What looks in all directions agree on.
+#[derive(Clone, Copy)]
+struct Found {
+    s: f32,
+    color: [f32; 4],
+}
+
+/// Where a look in one direction came out from behind the foreground.
+#[derive(Clone, Copy)]
+struct Hit {
+    distance: f32,
+    s: f32,
+    color: [f32; 4],
+}
+
+/// A pixel on the way in one direction.
+#[derive(Clone, Copy)]
+struct Step {
+    dx: i32,
+    dy: i32,
+    /// From one index to the other.
+    offset: isize,
+    distance: f32,
+}
+
+/// Where looks start.
+#[derive(Clone, Copy)]
+struct From {
+    x: usize,
+    y: usize,
+    index: usize,
+    /// Whether no look can leave the frame.
+    inside: bool,
+    /// How much farther than the difference in shift looks go.
+    margin_px: f32,
+}
+
+/// The pixels met in each direction, up to a distance.
+fn rays(reach: usize, width: usize) -> Vec<Vec<Step>> {
+    (0..DIRECTIONS)
+        .map(|i| {
+            let angle = std::f64::consts::TAU * i as f64 / DIRECTIONS as f64;
+            // Steps of one pixel along the longer axis, so that no pixel is met twice.
+            let (x, y) = (angle.cos(), angle.sin());
+            let longest = x.abs().max(y.abs());
+            let steps = (reach as f64 * longest).ceil() as usize;
+            (1..=steps)
+                .map(|k| {
+                    let along = k as f64 / longest;
+                    let (dx, dy) = ((along * x).round(), (along * y).round());
+                    let offset = dy as isize * width as isize + dx as isize;
+                    Step { dx: dx as i32, dy: dy as i32, offset, distance: dx.hypot(dy) as f32 }
+                })
+                .collect()
+        })
+        .collect()
+}
+
+/// Least shift at a silhouette, and least and greatest shift of all, of each block of pixels.
+struct Blocks {
+    across: usize,
+    edge_s: Vec<f32>,
+    min_s: Vec<f32>,
+    max_s: Vec<f32>,
+}
+
+impl Blocks {
+    fn new(frame: &FrontLayer) -> Blocks {
+        let across = frame.size.width.div_ceil(BLOCK);
+        let down = frame.size.height.div_ceil(BLOCK);
+        let all: Vec<[f32; 3]> = (0..across * down)
+            .into_par_iter()
+            .map(|b| {
+                let (x0, y0) = (b % across * BLOCK, b / across * BLOCK);
+                let (mut edge, mut min, mut max) = (f32::INFINITY, f32::INFINITY, f32::NEG_INFINITY);
+                for y in y0..(y0 + BLOCK).min(frame.size.height) {
+                    let start = y * frame.size.width;
+                    let row = start + x0..start + (x0 + BLOCK).min(frame.size.width);
+                    for (&s, &connectivity) in frame.s[row.clone()].iter().zip(&frame.connectivity[row]) {
+                        let at_edge = if connectivity & EDGE != 0 { s } else { f32::INFINITY };
+                        edge = if at_edge < edge { at_edge } else { edge };
+                        min = if s < min { s } else { min };
+                        max = if s > max { s } else { max };
+                    }
+                }
+                [edge, min, max]
+            })
+            .collect();
+        let column = |i: usize| all.iter().map(|block| block[i]).collect();
+        Blocks { across, edge_s: column(0), min_s: column(1), max_s: column(2) }
+    }
+
+    /// The least shift at a silhouette that any pixel of block `b` could uncover, if there is one.
+    fn farthest_uncovered(&self, b: usize, s_min: f32) -> Option<f32> {
+        let (bx, by, down) = (b % self.across, b / self.across, self.edge_s.len() / self.across);
+        let reach = ((self.max_s[b] - s_min + MARGIN_PX) as usize).div_ceil(BLOCK) + 1;
+        let apart = |a: usize, b: usize| (a.abs_diff(b).saturating_sub(1) * BLOCK) as f32;
+        let mut farthest = f32::INFINITY;
+        for y in by.saturating_sub(reach)..(by + reach + 1).min(down) {
+            for x in bx.saturating_sub(reach)..(bx + reach + 1).min(self.across) {
+                let s = self.edge_s[y * self.across + x];
+                if apart(bx, x).hypot(apart(by, y)) <= self.max_s[b] - s + MARGIN_PX {
+                    farthest = farthest.min(s);
+                }
+            }
+        }
+        farthest.is_finite().then_some(farthest)
+    }
+}
+
+/// What a look needs to know of the frame.
+struct Surroundings<'a> {
+    frame: &'a FrontLayer<'a>,
+    /// The edge pixels that were taken apart, by rising index.
+    mixed: &'a [MixedPixel],
+    /// See [`edges::distance_to_edges`].
+    edge_distance: &'a [u8],
+}
+
+impl Surroundings<'_> {
+    /// An edge pixel taken apart.
+    fn mixed(&self, index: usize) -> Option<&MixedPixel> {
+        self.mixed.binary_search_by_key(&index, |m| m.index).ok().map(|i| &self.mixed[i])
+    }
+
+    /// The pixel that a step leads to, if it is in the frame.
+    #[inline(always)]
+    fn at(&self, from: From, step: &Step) -> Option<usize> {
+        if from.inside {
+            Some(from.index.wrapping_add_signed(step.offset))
+        } else {
+            self.frame.offset(from.x, from.y, step.dx, step.dy)
+        }
+    }
+
+    /// Follows one direction at shift `s_start` until it leaves the foreground; no farther than a surface at
+    /// `s_farthest` could be uncovered.
+    fn look(&self, from: From, s_start: f32, s_farthest: f32, ray: &[Step]) -> Option<Hit> {
+        let FrontLayer { s, connectivity, .. } = *self.frame;
+        let at = |step: &Step| self.at(from, step);
+        // Each step moves one pixel, so no edge is met sooner than after the distance to the nearest.
+        let mut k = usize::from(self.edge_distance[from.index]).saturating_sub(1);
+        loop {
+            let step = ray.get(k)?;
+            if step.distance > s_start - s_farthest + from.margin_px {
+                return None;
+            }
+            let here = at(step)?;
+            if connectivity[here] & EDGE == 0 {
+                k += usize::from(self.edge_distance[here]).max(1);
+                continue;
+            }
+            let previous = k.checked_sub(1).map_or(Some(from.index), |k| at(&ray[k]))?;
+            let drop = s[previous] - s[here];
+            if drop.abs() >= CONNECTED_PX && connectivity[previous] & EDGE != 0 {
+                if drop < 0.0 {
+                    return None;
+                }
+                if s[here] <= s_start - CONNECTED_PX {
+                    let uncovered = step.distance <= s_start - s[here] + from.margin_px;
+                    let hit = || Hit {
+                        distance: step.distance,
+                        s: s[here],
+                        color: self.pure_beyond(from, here, &ray[k..]),
+                    };
+                    return uncovered.then(hit);
+                }
+            }
+            k += 1;
+        }
+    }
+
+    /// The colour of the first pixel beyond a silhouette that mixes with nothing, or else the unmixed one there.
+    fn pure_beyond(&self, from: From, hit: usize, ray: &[Step]) -> [f32; 4] {
+        let FrontLayer { s, connectivity, .. } = *self.frame;
+        let beyond = ray.iter().take(BEYOND_EDGE).map_while(|step| self.at(from, step));
+        let pure = beyond
+            .take_while(|&q| (s[q] - s[hit]).abs() < SAME_SURFACE_PX)
+            .find(|&q| connectivity[q] & EDGE == 0);
+        match pure {
+            Some(q) => self.frame.color_at(q),
+            None => self.mixed(hit).map_or_else(|| self.frame.color_at(hit), |mixed| mixed.back),
+        }
+    }
+}
+
+/// The shift that most hits, the nearest ones above all, agree on.
+fn surface_of(hits: &[Hit]) -> Option<f32> {
+    // Beside those that there are, some that agree with nothing, so that all are asked together.
+    let (mut s, mut weight, mut votes) = ([f32::NAN; DIRECTIONS], [0.0; DIRECTIONS], [0.0f32; DIRECTIONS]);
+    for (i, h) in hits.iter().enumerate() {
+        (s[i], weight[i]) = (h.s, 1.0 / (h.distance * h.distance));
+    }
+    for (other, weight) in s.iter().zip(weight).take(hits.len()) {
+        for (votes, s) in votes.iter_mut().zip(s) {
+            *votes += if (other - s).abs() < CONNECTED_PX { weight } else { 0.0 };
+        }
+    }
+    let found = votes.into_iter().zip(s).take(hits.len());
+    found.reduce(|a, b| if b.0 > a.0 { b } else { a }).map(|(_, s)| s)
+}
+
+/// What lies hidden out of what was found around it.
+fn merge(hits: &[Hit]) -> Option<Found> {
+    let surface = surface_of(hits)?;
+    let on_surface = |h: &&Hit| (h.s - surface).abs() < SAME_SURFACE_PX;
+
+    // A highlight that one look happens to meet must not be smeared over the whole hidden region.
+    let brightness = |h: &Hit| h.color.iter().sum::<f32>();
+    let (mut all, mut n) = ([0.0; DIRECTIONS], 0);
+    for h in hits.iter().filter(on_surface) {
+        all[n] = brightness(h);
+        n += 1;
+    }
+    let (_, median, _) = all[..n].select_nth_unstable_by(n / 2, f32::total_cmp);
+    let limit = 4.0 * median.max(f32::MIN_POSITIVE);
+    let kept = hits.iter().filter(on_surface).filter(|h| brightness(h) <= limit);
+
+    let (mut weight, mut s, mut color) = (0.0, 0.0, [0.0; 4]);
+    for h in kept {
+        let w = 1.0 / h.distance;
+        weight += w;
+        s += w * h.s;
+        for (sum, c) in color.iter_mut().zip(h.color) {
+            *sum += w * c;
+        }
+    }
+    (weight > 0.0).then(|| Found { s: s / weight, color: color.map(|c| c / weight) })
+}
+
+/// All that looks behind pixels need.
+struct Looks<'a> {
+    around: Surroundings<'a>,
+    blocks: Blocks,
+    /// See [`Blocks::farthest_uncovered`].
+    farthest: Vec<Option<f32>>,
+    rays: Vec<Vec<Step>>,
+    /// The farthest that they go.
+    reach: usize,
+}
+
+/// What looks behind a pixel tell.
+#[derive(Clone, Copy)]
+enum Answer {
+    /// It has not been asked.
+    Unknown,
+    /// Nothing behind it is seen through the lens.
+    Nothing,
+    Surface(Found),
+}
+
+/// What is hidden behind every few pixels along each axis of a block, for those in between.
+struct Grid {
+    origin: (usize, usize),
+    spacing: usize,
+    answers: Vec<Answer>,
+}
+
+impl Looks<'_> {
+    /// The shift of the surface behind which pixel `index` looks; `None` where what it hides is known.
+    fn front(&self, index: usize) -> Option<f32> {
+        let Surroundings { frame, edge_distance, .. } = self.around;
+        // What lies behind a mixed pixel is known, unless it turned out to show only that.
+        let at_edge = edge_distance[index] == 0;
+        match if at_edge { self.around.mixed(index) } else { None } {
+            Some(mixed) if mixed.coverage > 0.0 => None,
+            Some(mixed) => Some(mixed.s_back),
+            None => Some(frame.s[index]),
+        }
+    }
+
+    /// Looks behind a pixel in all directions, `margin_px` farther than the lens sees.
+    fn find(&self, (x, y): (usize, usize), s_front: f32, s_farthest: f32, margin_px: f32) -> Option<Found> {
+        let Surroundings { frame, edge_distance, .. } = self.around;
+        let index = y * frame.size.width + x;
+        let behind = s_front - s_farthest;
+        if behind < CONNECTED_PX || f32::from(edge_distance[index]) > behind + margin_px {
+            return None;
+        }
+        let from_border = x.min(frame.size.width - 1 - x).min(y).min(frame.size.height - 1 - y);
+        let from = From { x, y, index, inside: from_border > self.reach, margin_px };
+        let mut hits = [Hit { distance: 0.0, s: 0.0, color: [0.0; 4] }; DIRECTIONS];
+        let mut found = 0;
+        for ray in &self.rays {
+            if let Some(hit) = self.around.look(from, s_front, s_farthest, ray) {
+                hits[found] = hit;
+                found += 1;
+            }
+        }
+        merge(&hits[..found])
+    }
+
+    /// Looks behind the pixels of a block's grid, where a coarser one doesn't tell.
+    ///
+    /// Looks in neighbouring directions come out farther apart the farther away the edges are. What lies hidden is known no
+    /// more finely than that, so that only what is nearer to an edge than some distance asks for more than the grid.
+    fn grid(&self, origin: (usize, usize), spacing: usize, coarser: Option<&Grid>) -> Grid {
+        let size = self.around.frame.size;
+        let least_px = (spacing * DIRECTIONS) as f32 / std::f32::consts::TAU;
+        let answer = |(x, y): (usize, usize)| {
+            if x >= size.width || y >= size.height {
+                return Answer::Unknown;
+            }
+            let (index, block) = (y * size.width + x, y / BLOCK * self.blocks.across + x / BLOCK);
+            if f32::from(self.around.edge_distance[index]) < least_px {
+                return Answer::Unknown;
+            }
+            match (coarser.map_or(Answer::Unknown, |grid| grid.at((x, y))), self.farthest[block]) {
+                (Answer::Unknown, None) => Answer::Nothing,
+                (Answer::Unknown, Some(s_farthest)) => {
+                    // Nor is anything seen between pixels that see nothing somewhat farther away.
+                    let margin_px = MARGIN_PX + spacing as f32;
+                    let found = self.find((x, y), self.around.frame.s[index], s_farthest, margin_px);
+                    found.map_or(Answer::Nothing, Answer::Surface)
+                }
+                (known, _) => known,
+            }
+        };
+        // The first of the next block are the last of this one, too.
+        let along = |first: usize| (first..=first + BLOCK).step_by(spacing);
+        let answers = along(origin.1).flat_map(|y| along(origin.0).map(move |x| (x, y))).map(answer);
+        Grid { origin, spacing, answers: answers.collect() }
+    }
+}
+
+impl Grid {
+    /// What the grid tells of a pixel: between the four around it, if they agree.
+    fn at(&self, (x, y): (usize, usize)) -> Answer {
+        let (x, y, across) = (x - self.origin.0, y - self.origin.1, BLOCK / self.spacing + 1);
+        let first = y / self.spacing * across + x / self.spacing;
+        let [right, below] = [x, y].map(|v| (v % self.spacing) as f32 / self.spacing as f32);
+        let corners = [
+            (first, (1.0 - right) * (1.0 - below)),
+            (first + 1, right * (1.0 - below)),
+            (first + across, (1.0 - right) * below),
+            (first + across + 1, right * below),
+        ];
+        let corners = corners.into_iter().filter(|(_, weight)| *weight > 0.0);
+        let mut corners = corners.map(|(corner, weight)| (self.answers[corner], weight));
+        match self.answers[first] {
+            Answer::Unknown => Answer::Unknown,
+            Answer::Nothing => {
+                let all = corners.all(|(answer, _)| matches!(answer, Answer::Nothing));
+                if all { Answer::Nothing } else { Answer::Unknown }
+            }
+            Answer::Surface(one) => {
+                let mut mean = Found { s: 0.0, color: [0.0; 4] };
+                for (answer, weight) in corners {
+                    let Answer::Surface(found) = answer else { return Answer::Unknown };
+                    if (found.s - one.s).abs() >= SAME_SURFACE_PX {
+                        return Answer::Unknown;
+                    }
+                    mean.s += weight * found.s;
+                    for c in 0..4 {
+                        mean.color[c] += weight * found.color[c];
+                    }
+                }
+                Answer::Surface(mean)
+            }
+        }
+    }
+}
+
+/// Fills every pixel that a lens can look behind and whose background is still unknown.
+pub fn hidden(frame: &FrontLayer, mixed: &[MixedPixel], cancel: &Cancel) -> Result<Vec<Hidden>> {
+    let (width, height) = (frame.size.width, frame.size.height);
+    let blocks = Blocks::new(frame);
+    let s_min = blocks.min_s.iter().copied().fold(f32::INFINITY, f32::min);
+    let s_max = blocks.max_s.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+    let reach = (s_max - s_min + MARGIN_PX).ceil() as usize;
+    let reach = reach.min(width.max(height));
+    let rays = rays(reach, width);
+
+    let edge_distance = edges::distance_to_edges(frame.connectivity, width);
+    let around = Surroundings { frame, mixed, edge_distance: &edge_distance };
+
+    let farthest: Vec<_> = (0..blocks.edge_s.len())
+        .into_par_iter()
+        .with_max_len(AT_ONCE)
+        .map(|b| blocks.farthest_uncovered(b, s_min))
+        .collect();
+    let across = blocks.across;
+    let looks = Looks { around, blocks, farthest, rays, reach };
+    let fill_block = |b: usize| {
+        cancel.check()?;
+        let mut filled = Vec::new();
+        let Some(s_farthest) = looks.farthest[b] else { return Ok(filled) };
+        let (x0, y0) = (b % across * BLOCK, b / across * BLOCK);
+        let [coarse, fine] = SPACINGS_PX;
+        let grid = looks.grid((x0, y0), coarse, None);
+        let grid = looks.grid((x0, y0), fine, Some(&grid));
+        for y in y0..(y0 + BLOCK).min(height) {
+            for x in x0..(x0 + BLOCK).min(width) {
+                let index = y * width + x;
+                let Some(s_front) = looks.front(index) else { continue };
+                let found = match grid.at((x, y)) {
+                    Answer::Unknown => looks.find((x, y), s_front, s_farthest, MARGIN_PX),
+                    Answer::Nothing => None,
+                    Answer::Surface(found) => Some(found),
+                };
+                if let Some(Found { s, color }) = found {
+                    filled.push(Hidden { index, s: s.min(s_front - BEHIND_PX), color });
+                }
+            }
+        }
+        Ok(filled)
+    };
+    let numbers = (0..looks.farthest.len()).into_par_iter().with_max_len(AT_ONCE);
+    let filled = numbers.map(fill_block).collect::<Result<Vec<_>>>()?;
+    Ok(filled.into_iter().flatten().collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::picture::Size;
+
+    const SIDE: usize = BLOCK / SPACINGS_PX[0] + 1;
+
+    fn grid(answer: impl Fn(usize, usize) -> Answer) -> Grid {
+        let places = (0..SIDE * SIDE).map(|i| (i % SIDE, i / SIDE));
+        Grid {
+            origin: (32, 16),
+            spacing: SPACINGS_PX[0],
+            answers: places.map(|(x, y)| answer(x, y)).collect(),
+        }
+    }
+
+    fn surface(s: f32, gray: f32) -> Answer {
+        Answer::Surface(Found { s, color: [gray; 4] })
+    }
+
+    #[test]
+    fn a_grid_tells_what_lies_between_its_pixels() {
+        let plane = |x: f32, y: f32| (0.2 * x - 0.1 * y, 3.0 * x + y);
+        let grid = grid(|x, y| {
+            let (s, gray) = plane((4 * x) as f32, (4 * y) as f32);
+            surface(s, gray)
+        });
+        for (x, y) in (0..BLOCK * BLOCK).map(|i| (i % BLOCK, i / BLOCK)) {
+            let Answer::Surface(found) = grid.at((32 + x, 16 + y)) else { panic!("({x}, {y}) is unknown") };
+            let (s, gray) = plane(x as f32, y as f32);
+            assert!((found.s - s).abs() < 1e-4 && (found.color[0] - gray).abs() < 1e-4, "({x}, {y})");
+        }
+    }
+
+    #[test]
+    fn a_grid_tells_only_what_all_of_its_pixels_around_agree_on() {
+        let known = |grid: &Grid, at: (usize, usize)| !matches!(grid.at(at), Answer::Unknown);
+        // Of the second row and column, one is not like the others.
+        for other in [Answer::Unknown, Answer::Nothing, surface(5.0, 1.0)] {
+            let grid = grid(|x, y| if (x, y) == (1, 1) { other } else { surface(0.0, 1.0) });
+            assert!([(33, 17), (37, 21), (33, 21)].iter().all(|at| !known(&grid, *at)));
+            assert!([(32, 16), (36, 16), (33, 16), (41, 17)].iter().all(|at| known(&grid, *at)));
+        }
+        let nothing = grid(|x, _| if x < 2 { Answer::Nothing } else { surface(0.0, 1.0) });
+        assert!(matches!(nothing.at((35, 18)), Answer::Nothing));
+        assert!(matches!(nothing.at((37, 18)), Answer::Unknown));
+    }
+
+    #[test]
+    fn what_a_square_hides_is_filled_without_steps() {
+        // So blurred that the lens sees all that it hides.
+        let (side, first, end, s_front) = (256, 64, 192, 200.0f32);
+        let is_front = |i: usize| (first..end).contains(&(i % side)) && (first..end).contains(&(i / side));
+        let s: Vec<f32> = (0..side * side).map(|i| if is_front(i) { s_front } else { 0.0 }).collect();
+        let color: Vec<f32> =
+            (0..side * side).map(|i| if is_front(i) { 1000.0 } else { (i % side) as f32 }).collect();
+        let connectivity = edges::connectivity(&s, side, side);
+        let size = Size { width: side, height: side, channels: 1 };
+        let frame = FrontLayer { size, color: &color, s: &s, connectivity: &connectivity };
+        let hidden = hidden(&frame, &[], &Cancel::default()).unwrap();
+        let mut found = vec![None; side * side];
+        hidden.iter().for_each(|h| found[h.index] = Some((h.s, h.color[0])));
+        for i in (0..side * side).filter(|i| is_front(*i)) {
+            let (x, y) = (i % side, i / side);
+            let (s, gray) = found[i].expect("all of it can be seen");
+            assert!(
+                s == 0.0 && (first as f32 - 2.0..end as f32 + 2.0).contains(&gray),
+                "({x}, {y}): {s} {gray}"
+            );
+            let to_edge = (x - first).min(end - 1 - x).min(y - first).min(end - 1 - y);
+            if to_edge >= 12 {
+                let (_, next) = found[i + 1].expect("all of it can be seen");
+                assert!((next - gray).abs() < 2.0, "({x}, {y}): {gray} then {next}");
+            }
+        }
+    }
+}

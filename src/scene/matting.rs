@@ -1,0 +1,304 @@
+//! Edge pixels taken apart: the colour of the surface in front, of the one behind, and how much each covers.
+//!
+//! A pixel on a silhouette holds `C = a F + (1 - a) B` but one depth only. Left alone it would be carried by a
+//! single disc; one such pixel on the rim of a bright lamp poisons its whole neighbourhood.
+
+use super::edges::{CONNECTED_PX, EDGE};
+use crate::cancel::Cancel;
+use crate::error::Result;
+use crate::picture::Size;
+use crate::rows::AT_ONCE;
+use rayon::prelude::*;
+
+/// The longest ring of pixels searched for a pure colour.
+const MAX_RING: i32 = 4;
+/// Coverage closer than this to 0 or 1 is taken for pure.
+const PURE: f32 = 0.01;
+/// How much of a mixed pixel's colour may stay unexplained by two pure ones, as a multiple of their variances and
+/// squared contrast.
+const UNEXPLAINED: f32 = 2.0;
+/// A pixel's depth is that of its centre: what is unexplained there is that surface's rather than the other's, in
+/// terms of variance.
+const SEEN_AT_CENTRE: f32 = 4.0;
+
+/// The surfaces that the pinhole sees.
+#[derive(Clone, Copy)]
+pub struct FrontLayer<'a> {
+    pub size: Size,
+    /// Linear colour, planar.
+    pub color: &'a [f32],
+    /// Disparity in pixels of circle of confusion.
+    pub s: &'a [f32],
+    /// See [`connectivity`](super::edges::connectivity).
+    pub connectivity: &'a [u8],
+}
+
+impl FrontLayer<'_> {
+    pub fn color_at(&self, i: usize) -> [f32; 4] {
+        let n = self.size.pixels();
+        std::array::from_fn(|c| if c < self.size.channels { self.color[c * n + i] } else { 0.0 })
+    }
+
+    /// Index of the pixel `(dx, dy)` away, if it is in the frame.
+    pub fn offset(&self, x: usize, y: usize, dx: i32, dy: i32) -> Option<usize> {
+        let (x, y) = (x as i32 + dx, y as i32 + dy);
+        let inside = (0..self.size.width as i32).contains(&x) && (0..self.size.height as i32).contains(&y);
+        inside.then(|| y as usize * self.size.width + x as usize)
+    }
+}
+
+/// An edge pixel taken apart.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MixedPixel {
+    pub index: usize,
+    /// Shift, colour and coverage of the surface in front.
+    pub s_front: f32,
+    pub front: [f32; 4],
+    pub coverage: f32,
+    /// Shift and colour of the surface behind.
+    pub s_back: f32,
+    pub back: [f32; 4],
+}
+
+/// Weighted mean and variance (summed over channels) of colours.
+#[derive(Default)]
+struct Pure {
+    weight: f32,
+    sum: [f32; 4],
+    sum_squares: f32,
+}
+
+impl Pure {
+    fn add(&mut self, color: [f32; 4], weight: f32) {
+        self.weight += weight;
+        for (sum, c) in self.sum.iter_mut().zip(color) {
+            *sum += weight * c;
+            self.sum_squares += weight * c * c;
+        }
+    }
+
+    fn mean_and_variance(&self) -> Option<([f32; 4], f32)> {
+        let mean = self.sum.map(|s| s / self.weight);
+        (self.weight > 0.0).then(|| (mean, (self.sum_squares / self.weight - norm2(mean)).max(0.0)))
+    }
+}
+
+fn norm2(v: [f32; 4]) -> f32 {
+    v.iter().map(|c| c * c).sum()
+}
+
+fn sub(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
+    std::array::from_fn(|c| a[c] - b[c])
+}
+
+/// Pure colours of the surface at shift `s_surface` around a pixel: pixels away from every edge, nearest rings
+/// first, weighted by `1 / r^2`.
+fn pure_color(frame: &FrontLayer, x: usize, y: usize, s_surface: f32) -> Option<([f32; 4], f32)> {
+    let mut pure = Pure::default();
+    for ring in 1..=MAX_RING {
+        if ring > 2 && pure.weight > 0.0 {
+            break;
+        }
+        for dy in -ring..=ring {
+            let step = if dy.abs() == ring { 1 } else { 2 * ring };
+            for dx in (-ring..=ring).step_by(step as usize) {
+                let Some(q) = frame.offset(x, y, dx, dy) else { continue };
+                if frame.connectivity[q] & EDGE == 0 && (frame.s[q] - s_surface).abs() < CONNECTED_PX {
+                    pure.add(frame.color_at(q), 1.0 / (dx * dx + dy * dy) as f32);
+                }
+            }
+        }
+    }
+    pure.mean_and_variance()
+}
+
+/// For a structure too thin to have a pure pixel: the colour, among the pixels around whose depth is the
+/// structure's, that differs most from the other surface, which is the one that it covers most.
+fn extreme_color(
+    frame: &FrontLayer,
+    x: usize,
+    y: usize,
+    s_surface: f32,
+    other: [f32; 4],
+) -> Option<[f32; 4]> {
+    let around = (-2..=2).flat_map(|dy| (-2..=2).map(move |dx| (dx, dy)));
+    around
+        .filter_map(|(dx, dy)| frame.offset(x, y, dx, dy))
+        .filter(|&q| (frame.s[q] - s_surface).abs() < CONNECTED_PX)
+        .map(|q| frame.color_at(q))
+        .map(|color| (norm2(sub(color, other)), color))
+        .reduce(|best, next| if next.0 > best.0 { next } else { best })
+        .map(|(_, color)| color)
+}
+
+/// Takes one edge pixel apart; `None` where nothing pure is known of either surface.
+fn unmix_pixel(frame: &FrontLayer, x: usize, y: usize) -> Option<MixedPixel> {
+    let index = y * frame.size.width + x;
+    let around = || {
+        let offsets = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy)));
+        offsets.filter_map(|(dx, dy)| frame.offset(x, y, dx, dy).map(|q| (dx, dy, frame.s[q])))
+    };
+    let s_front = around().map(|n| n.2).fold(f32::NEG_INFINITY, f32::max);
+    let s_back = around().map(|n| n.2).fold(f32::INFINITY, f32::min);
+    if s_front - s_back < CONNECTED_PX {
+        return None;
+    }
+
+    let (front, back) = (pure_color(frame, x, y, s_front), pure_color(frame, x, y, s_back));
+    let ((front, front_variance), (back, back_variance)) = match (front, back) {
+        (Some(front), Some(back)) => (front, back),
+        // Of a guessed colour no more is known than of the other.
+        (None, Some(back)) => ((extreme_color(frame, x, y, s_front, back.0)?, back.1), back),
+        (Some(front), None) => (front, (extreme_color(frame, x, y, s_back, front.0)?, front.1)),
+        (None, None) => return None,
+    };
+
+    // What depth alone says of the coverage: the [1 2 1]^2 average of "in front".
+    let middle = 0.5 * (s_front + s_back);
+    let (mut in_front, mut all) = (0.0, 0.0);
+    for (dx, dy, s) in around() {
+        let weight = ((2 - dx.abs()) * (2 - dy.abs())) as f32;
+        all += weight;
+        in_front += if s > middle { weight } else { 0.0 };
+    }
+    let prior = in_front / all;
+
+    let pixel = Pixel { color: frame.color_at(index), front, back, prior };
+    let floor = 1e-4 * (norm2(front) + norm2(back)) + f32::MIN_POSITIVE;
+    let pure = pixel.split(front_variance + floor, back_variance + floor);
+    let unexplained = norm2(pixel.rest(pure.coverage));
+    let (coverage, front, back) =
+        if unexplained <= UNEXPLAINED * (front_variance + back_variance + norm2(sub(front, back)) + floor) {
+            (pure.coverage, pure.front, pure.back)
+        } else {
+            // Something that neither pure colour shows, such as half a lamp: it belongs to the surface whose pixels
+            // around, mixed ones too, vary the most.
+            let (own_front, own_back) =
+                if frame.s[index] > middle { (SEEN_AT_CENTRE, 1.0) } else { (1.0, SEEN_AT_CENTRE) };
+            let varied = pixel.split(
+                own_front * (spread(frame, x, y, s_front, front) + front_variance + floor),
+                own_back * (spread(frame, x, y, s_back, back) + back_variance + floor),
+            );
+            (varied.coverage, varied.front, varied.back)
+        };
+    Some(MixedPixel { index, s_front, front, coverage, s_back, back })
+}
+
+/// How far around a pixel [`spread`] looks: one lamp on a surface makes others there likely.
+const SPREAD_RING: i32 = 8;
+
+/// Mean squared difference, around a pixel, of a surface's pixels from its pure colour.
+fn spread(frame: &FrontLayer, x: usize, y: usize, s_surface: f32, pure: [f32; 4]) -> f32 {
+    let offsets = || -SPREAD_RING..=SPREAD_RING;
+    let around = offsets().flat_map(|dy| offsets().map(move |dx| (dx, dy))).filter(|&d| d != (0, 0));
+    let (mut sum, mut count) = (0.0, 0.0f32);
+    for q in around.filter_map(|(dx, dy)| frame.offset(x, y, dx, dy)) {
+        if (frame.s[q] - s_surface).abs() < CONNECTED_PX {
+            sum += norm2(sub(frame.color_at(q), pure));
+            count += 1.0;
+        }
+    }
+    sum / count.max(1.0)
+}
+
+/// A mixed pixel with the pure colours of both surfaces and what depth says of the coverage.
+struct Pixel {
+    color: [f32; 4],
+    front: [f32; 4],
+    back: [f32; 4],
+    prior: f32,
+}
+
+/// A pixel's two colours and coverage.
+struct Split {
+    coverage: f32,
+    front: [f32; 4],
+    back: [f32; 4],
+}
+
+impl Pixel {
+    /// What two pure colours leave over at this coverage.
+    fn rest(&self, coverage: f32) -> [f32; 4] {
+        std::array::from_fn(|c| self.color[c] - coverage * self.front[c] - (1.0 - coverage) * self.back[c])
+    }
+
+    /// Least squares for `a` in `C = a F + (1 - a) B`, held to the prior where the colours tell little; what is left
+    /// over goes to the two colours by their variances, so that they give `C` back exactly.
+    fn split(&self, front_variance: f32, back_variance: f32) -> Split {
+        let contrast = sub(self.front, self.back);
+        let along: f32 = sub(self.color, self.back).iter().zip(contrast).map(|(c, d)| c * d).sum();
+        let trust = 3.0 * (front_variance + back_variance);
+        let coverage = ((along + trust * self.prior) / (norm2(contrast) + trust)).clamp(0.0, 1.0);
+        let coverage = if coverage < PURE {
+            0.0
+        } else if coverage > 1.0 - PURE {
+            1.0
+        } else {
+            coverage
+        };
+
+        let (a, b) = (coverage, 1.0 - coverage);
+        let share = 1.0 / (a * a * front_variance + b * b * back_variance);
+        let rest = self.rest(coverage);
+        let mut split = Split { coverage, front: self.front, back: self.back };
+        for c in 0..4 {
+            split.front[c] += a * front_variance * share * rest[c];
+            split.back[c] += b * back_variance * share * rest[c];
+            // Light is not negative: where one side would be, the other gives way.
+            if self.color[c] >= 0.0 && split.back[c] < 0.0 && a > 0.0 {
+                (split.back[c], split.front[c]) = (0.0, self.color[c] / a);
+            } else if self.color[c] >= 0.0 && split.front[c] < 0.0 && b > 0.0 {
+                (split.front[c], split.back[c]) = (0.0, self.color[c] / b);
+            }
+        }
+        split
+    }
+}
+
+/// All edge pixels that could be taken apart, in scan order.
+pub fn unmix(frame: &FrontLayer, cancel: &Cancel) -> Result<Vec<MixedPixel>> {
+    let row = |y: usize| {
+        cancel.check()?;
+        let edges =
+            (0..frame.size.width).filter(|x| frame.connectivity[y * frame.size.width + x] & EDGE != 0);
+        Ok(edges.filter_map(|x| unmix_pixel(frame, x, y)).collect::<Vec<_>>())
+    };
+    let rows =
+        (0..frame.size.height).into_par_iter().with_max_len(AT_ONCE).map(row).collect::<Result<Vec<_>>>()?;
+    Ok(rows.concat())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mixed_column_is_taken_apart() {
+        // Columns 0..5 are a surface of colour 2 in front, 6.. one of colour 1 behind; column 5 is 30 % front.
+        let (w, h) = (12, 7);
+        let size = Size { width: w, height: h, channels: 1 };
+        let color: Vec<f32> = (0..w * h)
+            .map(|i| match i % w {
+                0..5 => 2.0,
+                5 => 1.3,
+                _ => 1.0,
+            })
+            .collect();
+        let s: Vec<f32> = (0..w * h).map(|i| if i % w < 5 { 8.0 } else { 0.0 }).collect();
+        let connectivity = super::super::edges::connectivity(&s, w, h);
+        let mixed = unmix(
+            &FrontLayer { size, color: &color, s: &s, connectivity: &connectivity },
+            &Cancel::default(),
+        )
+        .unwrap();
+        for m in &mixed {
+            let expected = match m.index % w {
+                5 => 0.3,
+                x => f32::from(x < 5),
+            };
+            assert!((m.coverage - expected).abs() < 2e-3, "column {}: {}", m.index % w, m.coverage);
+            assert!((m.front[0] - 2.0).abs() < 5e-3 && (m.back[0] - 1.0).abs() < 5e-3);
+        }
+        assert_eq!(mixed.len(), 2 * h);
+    }
+}
