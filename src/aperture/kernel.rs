@@ -1,10 +1,10 @@
 //! The picture of a point out of focus: the opening, scaled by the shift and averaged over each pixel.
 
 use super::coverage::Coverage;
+use super::opening::{Aperture, Shape};
 use super::outline::Outline;
 use super::picture::Picture;
-use super::profile::Profile;
-use super::{Aperture, Shape, Side};
+use super::profile::{Profile, Side};
 
 impl Aperture {
     /// The picture of a point under shift `t` pixels: how much of each pixel the opening, scaled by `t`, covers.

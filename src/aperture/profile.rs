@@ -1,6 +1,20 @@
 //! How much light passes from the centre of the opening to its rim: a hole, apodization, spherical aberration.
 
-use super::Side;
+/// The side of the focus plane that a surface lies on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// Nearer than the focus.
+    InFront,
+    /// Farther than it.
+    Behind,
+}
+
+impl Side {
+    /// The side of shift `t`.
+    pub fn of(t: f64) -> Side {
+        if t > 0.0 { Side::InFront } else { Side::Behind }
+    }
+}
 
 /// Light by `rho`, the fraction of the way from the centre to the rim.
 ///

@@ -2,7 +2,7 @@
 
 use super::*;
 use proptest::prelude::*;
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 
 /// An opening of every kind, with the second moments of its light about its centre, across and down.
 fn openings() -> Vec<(Aperture, Option<[f64; 2]>)> {

@@ -1,6 +1,7 @@
 //! Files that appear under their own name only when they are whole.
 
-use super::{Problem, Result, with_path};
+use super::error::{Problem, Result};
+use super::source::with_path;
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};

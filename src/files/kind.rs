@@ -1,6 +1,7 @@
 //! Which format a file is in, by its first bytes and not by its name.
 
-use super::{Problem, Result, open, with_path};
+use super::error::{Problem, Result};
+use super::source::{open, with_path};
 use std::io::Read;
 use std::path::Path;
 

@@ -1,6 +1,9 @@
 //! Portable float maps: three lines of text, then floats, rows from the bottom.
 
-use super::{Alpha, Problem, Raster, Result, Samples, Shape, Source, atomic, check_claim};
+use super::atomic;
+use super::error::{Problem, Result};
+use super::raster::{Alpha, Raster, Samples, Shape};
+use super::source::{Source, check_claim};
 use std::io::{BufRead, Read, Write};
 use std::path::Path;
 

@@ -1,6 +1,8 @@
 //! Pictures in the common formats, read by the `image` crate: PNG, JPEG, WebP, BMP and Radiance HDR.
 
-use super::{Alpha, Problem, Raster, Samples, Source, check_claim};
+use super::error::Problem;
+use super::raster::{Alpha, Raster, Samples};
+use super::source::{Source, check_claim};
 use image::metadata::Orientation;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 

@@ -1,6 +1,8 @@
 //! PNG with 8 and 16 bits a sample, written with the mark of sRGB, which the `image` crate does not offer.
 
-use super::{Pixels, Problem, Result, Shape, atomic};
+use super::atomic;
+use super::error::{Problem, Result};
+use super::raster::{Pixels, Shape};
 use ::png::{BitDepth, ColorType, Compression, Encoder, EncodingError};
 use std::io::Write;
 use std::path::Path;

@@ -1,6 +1,9 @@
 //! TIFF with integer and float samples.
 
-use super::{Alpha, Pixels, Problem, Raster, Result, Samples, Shape, Source, atomic, check_claim};
+use super::atomic;
+use super::error::{Problem, Result};
+use super::raster::{Alpha, Pixels, Raster, Samples, Shape};
+use super::source::{Source, check_claim};
 use ::tiff::decoder::{Decoder, DecodingResult, Limits};
 use ::tiff::encoder::colortype::{
     ColorType as Encoding, Gray8, Gray16, Gray32Float, RGB8, RGB16, RGB32Float,

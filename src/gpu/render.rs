@@ -167,8 +167,8 @@ impl<'a> Exposure<'a> {
                     full
                 }
             };
-            if let Some(falloff) = self.imaging.from_row(band.rows.start).falloff {
-                let clip = self.clip.as_ref().map(|clip| clip.from_row(band.rows.start));
+            if let Some(falloff) = self.imaging.rows_from(band.rows.start).falloff {
+                let clip = self.clip.as_ref().map(|clip| clip.rows_from(band.rows.start));
                 falloff::darken(&mut commands, &full, size, scene.lights, &falloff, clip.as_ref())?;
             }
             let output = match scene.supersample {
@@ -191,7 +191,7 @@ impl<'a> Exposure<'a> {
         let (gpu, &Scope { scene, cache, simd, cancel, .. }) = (self.gpu, self.scope);
         match self.scope.method {
             Method::Lens(settings) => {
-                let imaging = self.imaging.from_row(band.read.start);
+                let imaging = self.imaging.rows_from(band.read.start);
                 let (optics, settings) = settings.leaning(&imaging, optics)?;
                 let layered = self.layered(&optics)?;
                 let (mut layered, mut cells) = cache.cells(gpu, &layered, &band.read, self.bands.len())?;

@@ -5,14 +5,17 @@ use super::adapters;
 use super::commands::Commands;
 use super::device::Gpu;
 use super::process_local::ProcessLocal;
-use super::{Exposure, Job};
+use super::render::{Exposure, Scope};
+use super::scene_cache::SceneCache;
 use crate::cancel::Cancel;
 use crate::device::Device;
 use crate::error::Error;
+use crate::method::Method;
 use crate::optics::{Frame, Imaging, Lens, Strength};
 use crate::picture::{Layer, Picture, Size};
 use crate::plan::taps::{Settings, Variant};
-use crate::render::{Method, Scene};
+use crate::renderer::Renderer;
+use crate::scene::Scene;
 use crate::simd::Simd;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -36,14 +39,14 @@ fn taps() -> Method {
     Method::Taps(Settings::new(Variant::Thirteen, None).unwrap())
 }
 
-fn room(scene: &Scene) -> Vec<f32> {
-    vec![0.0; 3 * scene.picture.size.pixels()]
+/// A renderer of a picture, and memory for what it renders.
+fn renderer(width: usize, height: usize) -> (Renderer, Vec<f32>) {
+    (Renderer::new(picture(width, height), 3, 1), vec![0.0; 3 * width * height])
 }
 
-fn render(scene: &Scene, device: Device) -> crate::error::Result<Vec<f32>> {
-    let mut out = room(scene);
-    let cancel = Cancel::default();
-    scene.render_each(&[lens()], &taps(), device, Simd::Portable, &cancel, vec![&mut out])?;
+fn render((renderer, out): &(Renderer, Vec<f32>), device: Device) -> crate::error::Result<Vec<f32>> {
+    let (mut out, cancel) = (out.clone(), Cancel::default());
+    renderer.render_each(&[lens()], &taps(), device, Simd::Portable, &cancel, vec![&mut out])?;
     Ok(out)
 }
 
@@ -60,7 +63,7 @@ fn on_adapter(test: impl FnOnce()) {
 #[test]
 fn a_device_that_was_lost_is_an_error_and_then_another_is_opened() {
     on_adapter(|| {
-        let scene = Scene::new(picture(300, 200), 3, 1);
+        let scene = renderer(300, 200);
         let expected = render(&scene, Device::Gpu(0)).unwrap();
         let gpu = Gpu::open(0).unwrap();
         gpu.device.destroy();
@@ -79,16 +82,17 @@ fn a_device_that_is_lost_while_it_works_is_an_error() {
     on_adapter(|| {
         let gpu = Gpu::open(0).unwrap();
         let scene = Scene::new(picture(1500, 1000), 3, 1);
-        let (method, cancel) = (taps(), Cancel::default());
+        let (cache, method, cancel) = (SceneCache::default(), taps(), Cancel::default());
+        let simd = Simd::Portable;
+        let scope = Scope { scene: &scene, cache: &cache, method: &method, simd, cancel: &cancel };
         let start = |gpu: &Arc<Gpu>| {
-            let job = Job { gpu, scene: &scene, method: &method, simd: Simd::Portable, cancel: &cancel };
             let imaging = lens();
-            let exposure = Exposure::new(&job, &imaging).unwrap();
+            let exposure = Exposure::new(gpu, &scope, &imaging).unwrap();
             exposure.start(&exposure.bands[0])
         };
         let pending = start(&gpu).unwrap();
         gpu.device.destroy();
-        let error = pending.wait(&cancel, &mut room(&scene)).err();
+        let error = pending.wait(&cancel, &mut vec![0.0; 3 * 1500 * 1000]).err();
         assert!(matches!(error, Some(Error::Device(_))), "{error:?}");
         gpu.retire();
         assert!(start(&Gpu::open(0).unwrap()).is_ok());
@@ -98,11 +102,11 @@ fn a_device_that_is_lost_while_it_works_is_an_error() {
 #[test]
 fn a_wait_can_be_cancelled() {
     on_adapter(|| {
-        let scene = Scene::new(picture(2000, 1500), 3, 1);
+        let scene = renderer(2000, 1500);
         let cancel = Cancel::default();
         cancel.cancel();
-        let (lenses, device, mut out) = ([lens()], Device::Gpu(0), room(&scene));
-        let result = scene.render_each(&lenses, &taps(), device, Simd::Portable, &cancel, vec![&mut out]);
+        let (lenses, device, mut out) = ([lens()], Device::Gpu(0), scene.1.clone());
+        let result = scene.0.render_each(&lenses, &taps(), device, Simd::Portable, &cancel, vec![&mut out]);
         // A device that is done before the first look has nothing to cancel.
         assert!(matches!(result, Ok(_) | Err(Error::Cancelled)), "{:?}", result.err());
         assert!(render(&scene, Device::Gpu(0)).is_ok());

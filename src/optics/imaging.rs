@@ -1,7 +1,8 @@
 //! What a lens means for one frame.
 
+use super::defocus::Optics;
 use super::lens::{Base, Lens, Strength};
-use super::{FocusSurface, Optics};
+use super::surface::FocusSurface;
 use crate::depth::Rays;
 use crate::error::Result;
 
@@ -30,7 +31,7 @@ pub struct SecondStop {
 
 impl SecondStop {
     /// The same for the part of the frame that begins with row `y`.
-    pub fn from_row(&self, y: usize) -> SecondStop {
+    pub fn rows_from(&self, y: usize) -> SecondStop {
         SecondStop { centre: [self.centre[0], self.centre[1] - y as f64], ..*self }
     }
 
@@ -82,10 +83,10 @@ pub struct Imaging {
 
 impl Imaging {
     /// The same for the part of the frame that begins with row `y`.
-    pub fn from_row(&self, y: usize) -> Imaging {
+    pub fn rows_from(&self, y: usize) -> Imaging {
         let moved = |[cx, cy]: [f64; 2]| [cx, cy - y as f64];
         let surface = FocusSurface { centre: moved(self.surface.centre), ..self.surface };
-        let second_stop = self.second_stop.map(|own| own.from_row(y));
+        let second_stop = self.second_stop.map(|own| own.rows_from(y));
         let falloff = self.falloff.map(|own| Falloff { centre: moved(own.centre), ..own });
         Imaging { surface, second_stop, falloff, ..*self }
     }

@@ -13,7 +13,7 @@
 //! of confusion at `r` pixels from the axis, radii are up to `2 n / r` of themselves too large or too small towards
 //! one side.
 
-use super::lens::{Base, Lens};
+use super::lens::{Base, Lens, Mount};
 use crate::error::{Result, value_error};
 
 /// How much nearer than on the axis the focus is, as a disparity: `gradient . (q - c) + curvature |q - c|^2`.
@@ -124,16 +124,16 @@ impl Lens {
         }
         // g = -s d0, and s = (tan y, -tan x)
         let tilt_deg = [g[1] / on_axis, -g[0] / on_axis].map(|tan| tan.atan().to_degrees());
-        let upright = Lens { mount: super::Mount { tilt_deg: [0.0; 2], ..self.mount }, ..*self };
+        let upright = Lens { mount: Mount { tilt_deg: [0.0; 2], ..self.mount }, ..*self };
         let focused = upright.focused_at_disparity(on_axis)?;
-        focused.mounted(super::Mount { tilt_deg, ..self.mount })
+        focused.mounted(Mount { tilt_deg, ..self.mount })
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::{Aberrations, FovAxis, Mount};
+    use crate::optics::{Aberrations, FovAxis};
 
     fn lens(tilt_deg: [f64; 2], field_curvature: f64) -> Lens {
         let lens = Lens::thin(0.05, 3.0, 50.0, FovAxis::X).unwrap();

@@ -1,7 +1,9 @@
 //! Reading chosen channels of one part.
 
-use super::super::{Alpha, Problem, Raster, Result, Samples, check_claim, open, with_path};
-use super::for_each_parallel;
+use super::parallel::for_each_parallel;
+use crate::files::error::{Problem, Result};
+use crate::files::raster::{Alpha, Raster, Samples};
+use crate::files::source::{check_claim, open, with_path};
 use ::exr::block::UncompressedBlock;
 use ::exr::block::chunk::{Chunk, CompressedBlock};
 use ::exr::compression::Compression;

@@ -1,7 +1,8 @@
 //! Writing parts of named channels as scan lines.
 
-use super::super::{Problem, Result, atomic};
-use super::for_each_parallel;
+use super::parallel::for_each_parallel;
+use crate::files::atomic;
+use crate::files::error::{Problem, Result};
 use ::exr::block::chunk::Chunk;
 use ::exr::block::writer::ChunksWriter;
 use ::exr::block::{BlockIndex, UncompressedBlock, enumerate_ordered_header_block_indices};

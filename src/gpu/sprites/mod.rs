@@ -174,7 +174,7 @@ pub fn render(
         _end: 0,
     };
     let boundaries = gpu.upload("the boundaries between steps", &boundaries)?;
-    let points = Points { scene, table: &table, boundaries, params, reach };
+    let points = Points { scene, table, boundaries, params, reach };
     let [in_front, behind] = points.layers(commands, &steps)?;
     let picture = commands.output(size)?;
 

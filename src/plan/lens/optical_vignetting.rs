@@ -117,8 +117,8 @@ impl PupilClip {
     }
 
     /// The same for the part of the frame that begins with row `y`.
-    pub fn from_row(&self, y: usize) -> PupilClip {
-        PupilClip { second_stop: self.second_stop.from_row(y), ..self.clone() }
+    pub fn rows_from(&self, y: usize) -> PupilClip {
+        PupilClip { second_stop: self.second_stop.rows_from(y), ..self.clone() }
     }
 
     /// The second stop.

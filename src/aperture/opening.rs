@@ -1,0 +1,307 @@
+//! The opening itself: its form, its transmission, and its lens points.
+
+use super::outline::Outline;
+use super::picture::Picture;
+use super::profile::{Profile, Side};
+use crate::error::{Result, value_error};
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+/// What gives the opening its form.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Shape {
+    Outline(Outline),
+    Picture(Arc<Picture>),
+}
+
+/// Ways in which an opening differs from a clear disc, by the names that users give them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Feature {
+    /// Straight or curved blades.
+    Blades,
+    /// Blades that bulge.
+    Roundness,
+    /// An anamorphic squeeze.
+    Ratio,
+    /// A hole in the middle.
+    Obstruction,
+    /// A Gaussian transmission.
+    Apodization,
+    /// Light towards the rim on one side of the focus, and towards the middle on the other.
+    Spherical,
+    /// A picture of the transmission.
+    Image,
+}
+
+impl Feature {
+    /// Every feature with its name.
+    pub const NAMES: [(&'static str, Feature); 7] = [
+        ("blades", Feature::Blades),
+        ("roundness", Feature::Roundness),
+        ("ratio", Feature::Ratio),
+        ("obstruction", Feature::Obstruction),
+        ("apodization", Feature::Apodization),
+        ("spherical", Feature::Spherical),
+        ("image", Feature::Image),
+    ];
+}
+
+/// The aperture: where light passes and how much.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Aperture {
+    pub(super) shape: Shape,
+    pub(super) profile: Profile,
+    /// Scale along both axes; the larger is 1.
+    pub(super) squeeze: [f64; 2],
+    /// See [`Aperture::leaning`].
+    pub(super) lean: [f64; 2],
+}
+
+fn fraction(name: &str, value: f64, what: &str, accepted: std::ops::RangeInclusive<f64>) -> Result<f64> {
+    if accepted.contains(&value) {
+        Ok(value)
+    } else {
+        Err(value_error!(
+            "{name} must be {what}, from {} to {}; got {value}",
+            accepted.start(),
+            accepted.end()
+        ))
+    }
+}
+
+impl Aperture {
+    /// An open disc.
+    pub const DISC: Aperture = Aperture {
+        shape: Shape::Outline(Outline::Disc),
+        profile: Profile::FLAT,
+        squeeze: [1.0; 2],
+        lean: [0.0; 2],
+    };
+
+    /// A disc (`blades = 0`) or a regular polygon, with an optional Gaussian transmission.
+    pub fn new(blades: u32, rotation_deg: f64, apodization: Option<f64>) -> Result<Aperture> {
+        if !(blades == 0 || (3..=64).contains(&blades)) {
+            return Err(value_error!("blades must be 0 (a disc) or from 3 to 64; got {blades}"));
+        }
+        if !rotation_deg.is_finite() {
+            return Err(value_error!("rotation must be a finite angle in degrees; got {rotation_deg}"));
+        }
+        if let Some(sigma) = apodization
+            && !(sigma.is_finite() && sigma >= 0.05)
+        {
+            return Err(value_error!(
+                "apodization must be the standard deviation of the transmission as a fraction of the aperture \
+                 radius, at least 0.05; got {sigma}"
+            ));
+        }
+        let outline = match blades {
+            0 => Outline::Disc,
+            _ => Outline::Blades {
+                blades,
+                first_angle: rotation_deg.to_radians().rem_euclid(TAU),
+                roundness: 0.0,
+            },
+        };
+        let profile = Profile { apodization, ..Profile::FLAT };
+        Ok(Aperture { shape: Shape::Outline(outline), profile, ..Aperture::DISC })
+    }
+
+    /// An opening that is a picture.
+    pub fn of_picture(picture: Picture) -> Aperture {
+        Aperture { shape: Shape::Picture(Arc::new(picture)), ..Aperture::DISC }
+    }
+
+    /// The same with blades that bulge: 0 is straight, 1 makes them arcs of one circle.
+    pub fn with_roundness(mut self, roundness: f64) -> Result<Aperture> {
+        let given = fraction("roundness", roundness, "how much the blades bulge", 0.0..=1.0)?;
+        if let Shape::Outline(Outline::Blades { roundness, .. }) = &mut self.shape {
+            *roundness = given;
+        } else if given != 0.0 {
+            return Err(value_error!("roundness is for blades, and there are none; got {given}"));
+        }
+        Ok(self)
+    }
+
+    /// The same squeezed: `ratio` times as high as wide. The longer half-axis stays as it is.
+    pub fn with_ratio(self, ratio: f64) -> Result<Aperture> {
+        fraction("ratio", ratio, "the height of the opening over its width", 0.05..=20.0)?;
+        Ok(Aperture { squeeze: [ratio.recip().min(1.0), ratio.min(1.0)], ..self })
+    }
+
+    /// The same with the middle closed, up to this fraction of the way to the rim.
+    pub fn with_obstruction(self, obstruction: f64) -> Result<Aperture> {
+        let hole = fraction(
+            "obstruction",
+            obstruction,
+            "the part of the way to the rim that is closed",
+            0.0..=0.95,
+        )?;
+        Ok(Aperture { profile: Profile { hole, ..self.profile }, ..self })
+    }
+
+    /// The same with spherical aberration; see [`Profile`].
+    pub fn with_spherical(self, spherical: f64) -> Result<Aperture> {
+        let spherical = fraction("spherical", spherical, "the strength of the aberration", -1.0..=1.0)?;
+        Ok(Aperture { profile: Profile { spherical, ..self.profile }, ..self })
+    }
+
+    /// The same as it works under a focus plane that leans by `lean` of shift a pixel.
+    ///
+    /// With such a plane the ray from lens point `l` goes through `l / (1 - lean . l)`; see
+    /// [`FocusSurface`](crate::optics::FocusSurface). Points are scaled down by the farthest one, `1 / (1 - |lean|)`,
+    /// to stay in the unit disc; the strength of the lens has to be scaled up by as much.
+    pub fn leaning(&self, lean: [f64; 2]) -> Aperture {
+        Aperture { lean, ..self.clone() }
+    }
+
+    /// See [`Aperture::leaning`].
+    pub fn lean(&self) -> [f64; 2] {
+        self.lean
+    }
+
+    /// In what it differs from a clear disc.
+    pub fn features(&self) -> Vec<Feature> {
+        let (outline, picture) = match &self.shape {
+            Shape::Outline(outline) => (*outline, false),
+            Shape::Picture(_) => (Outline::Disc, true),
+        };
+        let rounded = matches!(outline, Outline::Blades { roundness, .. } if roundness > 0.0);
+        [
+            (Feature::Blades, outline != Outline::Disc),
+            (Feature::Roundness, rounded),
+            (Feature::Ratio, self.squeeze != [1.0; 2]),
+            (Feature::Obstruction, self.profile.hole > 0.0),
+            (Feature::Apodization, self.profile.apodization.is_some()),
+            (Feature::Spherical, self.profile.spherical != 0.0),
+            (Feature::Image, picture),
+        ]
+        .into_iter()
+        .filter_map(|(feature, has)| has.then_some(feature))
+        .collect()
+    }
+
+    /// Blades, and the first corner's angle in radians counter-clockwise on screen from the x axis, of an opening that
+    /// is a regular polygon of straight blades; none for others.
+    pub fn polygon(&self) -> Option<(u32, f64)> {
+        match &self.shape {
+            Shape::Outline(outline) if self.squeeze == [1.0; 2] => outline.polygon(),
+            _ => None,
+        }
+    }
+
+    /// Whether all light passes, everywhere inside the outline.
+    pub fn is_clear(&self) -> bool {
+        self.profile == Profile::FLAT && matches!(self.shape, Shape::Outline(_))
+    }
+
+    /// Whether the opening is a disc, however much of its light passes where.
+    pub fn is_round(&self) -> bool {
+        self.shape == Shape::Outline(Outline::Disc) && self.squeeze == [1.0; 2]
+    }
+
+    /// Whether light falls elsewhere in front of the focus than behind it.
+    pub fn has_sides(&self) -> bool {
+        self.profile.spherical != 0.0
+    }
+
+    fn squeezed(&self, l: [f64; 2]) -> [f64; 2] {
+        [l[0] * self.squeeze[0], l[1] * self.squeeze[1]]
+    }
+
+    fn unsqueezed(&self, l: [f64; 2]) -> [f64; 2] {
+        [l[0] / self.squeeze[0], l[1] / self.squeeze[1]]
+    }
+
+    /// Where a place of the outline or the picture lies in the lens.
+    pub(super) fn placed(&self, l: [f64; 2]) -> [f64; 2] {
+        let l = self.squeezed(l);
+        if self.lean == [0.0; 2] {
+            return l;
+        }
+        let [bx, by] = self.lean;
+        let scale = (1.0 - bx.hypot(by)) / (1.0 - bx * l[0] - by * l[1]);
+        l.map(|v| scale * v)
+    }
+
+    /// The place of the outline or the picture at a lens point; undoes [`Aperture::placed`].
+    pub(super) fn source(&self, l: [f64; 2]) -> [f64; 2] {
+        let scale = self.unleaned_scale(l);
+        self.unsqueezed(l.map(|v| v * scale))
+    }
+
+    /// By how much a lens point was scaled down: `l' = c l / (1 - b . l)` solved for `l` is `l' / (c + b . l')`.
+    fn unleaned_scale(&self, l: [f64; 2]) -> f64 {
+        let [bx, by] = self.lean;
+        1.0 / (1.0 - bx.hypot(by) + bx * l[0] + by * l[1])
+    }
+
+    /// The place in the opening itself that a lens point is seen at.
+    pub fn pupil(&self, l: [f64; 2]) -> [f64; 2] {
+        let scale = self.unleaned_scale(l);
+        l.map(|v| scale * v)
+    }
+
+    /// How densely [`Aperture::placed`] lays lens points, relative to the densest: the map back to the lens magnifies
+    /// areas by the third power of its scale, but for a constant.
+    pub(super) fn density(&self, l: [f64; 2]) -> f64 {
+        if self.lean == [0.0; 2] {
+            return 1.0;
+        }
+        let densest = 1.0 / (1.0 - 2.0 * self.lean[0].hypot(self.lean[1]));
+        (self.unleaned_scale(l) / densest).powi(3)
+    }
+
+    /// Share of the light that passes at a lens point inside the opening.
+    pub fn transmission(&self, l: [f64; 2]) -> f64 {
+        self.profile.transmission(self.rim_fraction(l))
+    }
+
+    /// Area of the opening over that of its enclosing disc.
+    pub fn relative_area(&self) -> f64 {
+        let area = match &self.shape {
+            Shape::Outline(outline) => outline.relative_area() * (1.0 - self.profile.hole.powi(2)),
+            Shape::Picture(picture) => picture.relative_area(),
+        };
+        area * self.squeeze[0] * self.squeeze[1]
+    }
+
+    /// The rim point below which the fraction `v` of the opening's area lies, going round.
+    pub fn rim(&self, v: f64) -> [f64; 2] {
+        match &self.shape {
+            Shape::Outline(outline) => self.placed(outline.rim(v)),
+            Shape::Picture(_) => self.placed(Outline::Disc.rim(v)),
+        }
+    }
+
+    /// How far along the way from the centre to the rim a lens point lies.
+    pub fn rim_fraction(&self, l: [f64; 2]) -> f64 {
+        match &self.shape {
+            Shape::Outline(outline) => outline.rim_fraction(self.unsqueezed(l)),
+            Shape::Picture(_) => Outline::Disc.rim_fraction(self.unsqueezed(l)),
+        }
+    }
+
+    /// The places in the opening itself of the rays of [`Aperture::lens_points`].
+    pub fn pupil_points(&self, n: usize) -> Vec<[f64; 2]> {
+        let profile = Profile { spherical: 0.0, ..self.profile };
+        Aperture { profile, lean: [0.0; 2], ..self.clone() }.lens_points(n, Side::Behind)
+    }
+
+    /// `n` points of equal weight over the opening, for what lies on one side of the focus: a Fibonacci (Kronecker)
+    /// lattice in coordinates of equal light. On both sides a point of the same number belongs to the same ray.
+    pub fn lens_points(&self, n: usize, side: Side) -> Vec<[f64; 2]> {
+        const GOLDEN: f64 = 0.618_033_988_749_894_9;
+        (0..n)
+            .map(|i| {
+                let (u, v) = ((i as f64 + 0.5) / n as f64, (0.5 + i as f64 * GOLDEN).fract());
+                match &self.shape {
+                    Shape::Outline(outline) => {
+                        let rho = self.profile.quantile(u, side);
+                        self.placed(outline.rim(v).map(|rim| rho * rim))
+                    }
+                    Shape::Picture(picture) => self.placed(picture.place(u, v)),
+                }
+            })
+            .collect()
+    }
+}

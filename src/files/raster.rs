@@ -1,0 +1,82 @@
+//! Pictures as files hold them.
+
+use super::error::Problem;
+use half::f16;
+
+/// How the colour of a pixel and its alpha belong together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Alpha {
+    /// There is no alpha channel.
+    None,
+    /// Colour is not multiplied by alpha (PNG; "unassociated" in TIFF).
+    Straight,
+    /// Colour is multiplied by alpha (OpenEXR; "associated" in TIFF).
+    Premultiplied,
+}
+
+/// The samples of a picture in the type they have in the file.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Samples {
+    /// 8-bit integers.
+    U8(Vec<u8>),
+    /// 16-bit integers.
+    U16(Vec<u16>),
+    /// 32-bit integers.
+    U32(Vec<u32>),
+    /// Half floats.
+    F16(Vec<f16>),
+    /// Floats.
+    F32(Vec<f32>),
+    /// Doubles.
+    F64(Vec<f64>),
+}
+
+/// A picture as it was read: rows from the top, channels of a pixel side by side.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Raster {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Samples in a pixel.
+    pub channels: usize,
+    /// What the last channel is, if it is alpha.
+    pub alpha: Alpha,
+    /// `height * width * channels` samples.
+    pub samples: Samples,
+}
+
+/// Borrowed samples on their way into an integer or float file.
+#[derive(Clone, Copy, Debug)]
+pub enum Pixels<'a> {
+    /// 8-bit integers.
+    U8(&'a [u8]),
+    /// 16-bit integers.
+    U16(&'a [u16]),
+    /// Floats.
+    F32(&'a [f32]),
+}
+
+/// The shape of a picture that is to be written.
+#[derive(Clone, Copy, Debug)]
+pub struct Shape {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Samples in a pixel.
+    pub channels: usize,
+}
+
+impl Shape {
+    /// Width and height in the 32 bits that PNG and TIFF store them in.
+    pub(super) fn size_u32(self) -> std::result::Result<(u32, u32), Problem> {
+        let narrow = |n: usize| {
+            u32::try_from(n).map_err(|_| Problem::Argument(format!("{n} pixels on a side are too many")))
+        };
+        if self.width == 0 || self.height == 0 {
+            return Err(Problem::Argument("an image without pixels cannot be written".into()));
+        }
+        Ok((narrow(self.width)?, narrow(self.height)?))
+    }
+}
