@@ -1,9 +1,8 @@
 //! Instruction sets, chosen when the program runs.
 
-/// An instruction set to compute with. All give the same bits: the compiler neither reorders sums nor fuses
-/// products into them.
+/// The instruction sets that there are code paths for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Simd {
+pub(crate) enum InstructionSet {
     /// What every processor of this kind has.
     Portable,
     /// 256-bit vectors.
@@ -14,24 +13,62 @@ pub enum Simd {
     Avx512,
 }
 
-impl Simd {
-    /// All that this processor can run, best last.
-    pub fn available() -> Vec<Simd> {
-        let mut all = vec![Simd::Portable];
-        #[cfg(target_arch = "x86_64")]
-        {
-            if is_x86_feature_detected!("avx2") {
-                all.push(Simd::Avx2);
-            }
-            if is_x86_feature_detected!("avx512f")
-                && is_x86_feature_detected!("avx512bw")
-                && is_x86_feature_detected!("avx512dq")
-                && is_x86_feature_detected!("avx512vl")
-            {
-                all.push(Simd::Avx512);
+impl InstructionSet {
+    /// Whether this processor has it.
+    fn is_detected(self) -> bool {
+        match self {
+            InstructionSet::Portable => true,
+            #[cfg(target_arch = "x86_64")]
+            InstructionSet::Avx2 => is_x86_feature_detected!("avx2"),
+            #[cfg(target_arch = "x86_64")]
+            InstructionSet::Avx512 => {
+                is_x86_feature_detected!("avx512f")
+                    && is_x86_feature_detected!("avx512bw")
+                    && is_x86_feature_detected!("avx512dq")
+                    && is_x86_feature_detected!("avx512vl")
             }
         }
-        all
+    }
+}
+
+/// A proof that this processor has an instruction set: there is no value of one that was not detected. All give the same
+/// bits: the compiler neither reorders sums nor fuses products into them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Simd(InstructionSet);
+
+impl Simd {
+    /// What every processor of this kind has.
+    pub const PORTABLE: Simd = Simd(InstructionSet::Portable);
+
+    /// Every name, the best last.
+    pub const NAMES: &[&str] = &[
+        "portable",
+        #[cfg(target_arch = "x86_64")]
+        "avx2",
+        #[cfg(target_arch = "x86_64")]
+        "avx512",
+    ];
+
+    /// All that this processor can run, the best last.
+    pub fn available() -> Vec<Simd> {
+        let all = [
+            InstructionSet::Portable,
+            #[cfg(target_arch = "x86_64")]
+            InstructionSet::Avx2,
+            #[cfg(target_arch = "x86_64")]
+            InstructionSet::Avx512,
+        ];
+        all.into_iter().filter(|set| set.is_detected()).map(Simd).collect()
+    }
+
+    /// One of [`Simd::NAMES`].
+    pub fn name(self) -> &'static str {
+        Simd::NAMES[self.0 as usize]
+    }
+
+    /// The instruction set that was detected.
+    pub(crate) fn instruction_set(self) -> InstructionSet {
+        self.0
     }
 
     /// Does `work`, compiled for this instruction set.
@@ -40,14 +77,14 @@ impl Simd {
     /// all that it calls be marked likewise. One that the compiler leaves by itself is compiled once, for the least.
     #[inline(always)]
     pub fn run<T>(self, work: impl FnOnce() -> T) -> T {
-        match self {
-            Simd::Portable => work(),
-            // SAFETY: values of these come from `available`, which detects the instructions.
+        match self.0 {
+            InstructionSet::Portable => work(),
+            // SAFETY: the instructions have been detected, or there were no such value.
             #[cfg(target_arch = "x86_64")]
-            Simd::Avx2 => unsafe { avx2(work) },
+            InstructionSet::Avx2 => unsafe { avx2(work) },
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
-            Simd::Avx512 => unsafe { avx512(work) },
+            InstructionSet::Avx512 => unsafe { avx512(work) },
         }
     }
 }
@@ -62,4 +99,19 @@ unsafe fn avx2<T>(work: impl FnOnce() -> T) -> T {
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
 unsafe fn avx512<T>(work: impl FnOnce() -> T) -> T {
     work()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_processor_runs_the_portable_code_and_names_are_in_order() {
+        let available = Simd::available();
+        assert_eq!(available[0], Simd::PORTABLE);
+        for simd in available {
+            assert_eq!(simd.run(|| simd.name()), Simd::NAMES[simd.instruction_set() as usize]);
+            assert_eq!(format!("{:?}", simd.instruction_set()).to_lowercase(), simd.name());
+        }
+    }
 }

@@ -1,7 +1,7 @@
 // The cells of all layers, one layer after another: `index_in(size, x, y)` within each.
 
-// Shifts of empty cells are greater than this.
-const NOWHERE: f32 = 1e29;
+// The shift of empty cells.
+const NOWHERE: f32 = 1e30;
 
 // The depths of a cell: from the one in the low half to the one in the high half. Both are 0 where there is none.
 fn farthest(codes: u32) -> u32 {

@@ -20,7 +20,7 @@ const NO_CONNECTIVITY: u32 = 128u;
 @group(0) @binding(4) var<storage, read> colors: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read_write> drawn: array<vec4<f32>>;
 
-fn links_of(cell: u32) -> u32 {
+fn connectivity_of(cell: u32) -> u32 {
     return (connectivity[cell / 4u] >> (8u * (cell % 4u))) & 0xffu;
 }
 
@@ -39,12 +39,12 @@ fn neighbour(layer: u32, own: u32, s: f32, q: u32, owner: u32, bit: u32) -> u32 
     if abs(shifts[beside] - s) < params.connected_px {
         return beside;
     }
-    let own_links = links_of(own);
-    let linked = (own_links & NO_CONNECTIVITY) == 0u
-        && (links_of(layer * pixels + owner) & bit) != 0u
-        && ((own_links | links_of(beside)) & EDGE) == 0u
+    let own_connectivity = connectivity_of(own);
+    let connected = (own_connectivity & NO_CONNECTIVITY) == 0u
+        && (connectivity_of(layer * pixels + owner) & bit) != 0u
+        && ((own_connectivity | connectivity_of(beside)) & EDGE) == 0u
         && shifts[beside] < NOWHERE;
-    if linked {
+    if connected {
         return beside;
     }
     for (var other = 0u; other < params.layers; other++) {
@@ -65,7 +65,7 @@ fn sharpen(@builtin(global_invocation_id) id: vec3<u32>) {
     let own = id.z * width * params.size.y + p;
     let s = shifts[own];
     let color = colors[own];
-    if s > NOWHERE {
+    if s >= NOWHERE {
         drawn[own] = color;
         return;
     }

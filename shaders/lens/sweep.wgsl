@@ -1,6 +1,6 @@
 // For every sample, the nearest cell that each pixel's ray meets: cpu/lens/sweep.rs.
 //
-// A sample's way through the depths is the same for all pixels: segments of codes, each at one offset. A workgroup sweeps
+// A sample's trace through the depths is the same for all pixels: segments of codes, each at one offset. A workgroup sweeps
 // half a tile. It first picks those segments in which there is any cell near it, then every thread follows them for
 // four pixels, with their sums in registers.
 
@@ -60,7 +60,7 @@ override CHANNELS: u32 = 3u;
 // For each cell 0, or one more than the number of its half-plane; these follow.
 @group(0) @binding(3) var<storage, read> half_planes: array<u32>;
 // Views, then segments, then the columns of each sample.
-@group(0) @binding(4) var<storage, read> paths: array<vec4<u32>>;
+@group(0) @binding(4) var<storage, read> traces: array<vec4<u32>>;
 @group(0) @binding(5) var<storage, read> tiles: array<Tile>;
 // For each block of the padded frame and each layer, the depths in a tile that begins there; as in `Tile`.
 @group(0) @binding(6) var<storage, read> windows: array<u32>;
@@ -82,13 +82,13 @@ var<private> sum_3: vec4<f32>;
 var<private> waiting: u32;
 
 fn view_at(i: u32) -> LensSample {
-    let slopes = bitcast<vec4<f32>>(paths[2u * i]);
-    let words = paths[2u * i + 1u];
+    let slopes = bitcast<vec4<f32>>(traces[2u * i]);
+    let words = traces[2u * i + 1u];
     return LensSample(slopes.xy, slopes.zw, words.x, words.y, words.z, words.w);
 }
 
-fn stretch_at(i: u32) -> Segment {
-    let words = paths[i];
+fn segment_at(i: u32) -> Segment {
+    let words = traces[i];
     return Segment(words.x, words.y, bitcast<vec2<f32>>(words.zw));
 }
 
@@ -137,7 +137,7 @@ fn look(tile: u32, sample: u32, slot: u32) {
     let path = view_at(sample);
     var i = path.first;
     while i < path.end && count + params.layers <= CAPACITY {
-        let segment = stretch_at(i);
+        let segment = segment_at(i);
         if is_occupied(tile, segment) {
             for (var layer = 0u; layer < params.layers; layer++) {
                 if is_in_window(tiles[tile].origin, segment, layer) {
@@ -161,7 +161,7 @@ fn rows_that_see(sample: LensSample, rows: u32) -> u32 {
     for (var row = 0u; row < ROWS; row++) {
         if (rows & (1u << row)) != 0u {
             let y = u32(place.y) + 4u * row;
-            let columns = paths[sample.columns + y / 4u][y % 4u];
+            let columns = traces[sample.columns + y / 4u][y % 4u];
             let x = u32(place.x);
             seen |= select(0u, 1u << row, x >= (columns & 0xffffu) && x < (columns >> 16u));
         }
@@ -209,7 +209,7 @@ fn color_of(cell: u32) -> vec4<f32> {
 
 // Gives the waiting pixels the cells that they meet in one segment of one layer.
 fn meet(sample: LensSample, i: u32, layer: u32) {
-    let segment = stretch_at(i);
+    let segment = segment_at(i);
     let slope = select(sample.behind, sample.in_front, i < sample.focus);
     let first = place + offset_of(segment);
     let column = u32(mirrored(first.x, i32(params.size.x)));
@@ -226,7 +226,7 @@ fn follow(tile: u32, sample: LensSample, slot: u32) {
         meet(sample, found.x, found.y);
     }
     for (var i = not_looked[slot]; i < sample.end && waiting != 0u; i++) {
-        if is_occupied(tile, stretch_at(i)) {
+        if is_occupied(tile, segment_at(i)) {
             for (var layer = 0u; layer < params.layers; layer++) {
                 meet(sample, i, layer);
             }

@@ -20,7 +20,7 @@ struct Params {
 
 // What a cell wants of its neighbours.
 fn wanted(s: f32) -> f32 {
-    if s > NOWHERE {
+    if s >= NOWHERE {
         return 0.0;
     }
     let left = max(variance(params.footprint, s) - params.footprint.next_cells, 0.0) - params.done;

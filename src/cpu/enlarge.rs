@@ -103,14 +103,14 @@ mod tests {
             let ramp: Vec<f32> = (0..5).map(|x| (x as f32 + 0.5) * scale as f32 - 0.5).collect();
             let mut enlarge = Enlarge::new(scale, ramp.len());
             let mut out = enlarge.new_row();
-            enlarge.row(Simd::Portable, 0, [&ramp, &ramp], &mut out);
+            enlarge.row(Simd::PORTABLE, 0, [&ramp, &ramp], &mut out);
             for x in scale / 2..5 * scale - scale / 2 {
                 assert_eq!(out[enlarge.first() + x], x as f32, "{scale}");
             }
             // Down the picture: rows 0, 1, 2 .. of the target have their centres at the ramp's values.
             for y in scale / 2..5 * scale - scale / 2 {
                 let rows = enlarge.rows(y, 5).map(|row| [ramp[row]; 5]);
-                enlarge.row(Simd::Portable, y, [&rows[0], &rows[1]], &mut out);
+                enlarge.row(Simd::PORTABLE, y, [&rows[0], &rows[1]], &mut out);
                 assert_eq!(out[enlarge.first()], y as f32, "{scale}");
             }
         }

@@ -1,7 +1,7 @@
 //! Carries out [`plan::gaussian`](crate::plan::gaussian).
 
-use super::border::{BLOCK, block};
 use super::job::Job;
+use super::padded_rows::{BLOCK, block};
 use crate::error::Result;
 use crate::memory::Buffer;
 use crate::mirror::mirrored;

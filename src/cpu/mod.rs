@@ -1,6 +1,5 @@
 //! The CPU path: what carries the plans out. [`render`] is the way of a picture; a method is a file, or a folder.
 
-mod border;
 mod enlarge;
 mod falloff;
 mod gaussian;
@@ -9,6 +8,7 @@ mod job;
 mod lens;
 mod levels;
 mod magnify;
+mod padded_rows;
 mod poisson;
 pub mod render;
 mod resolve;

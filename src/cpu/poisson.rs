@@ -1,7 +1,7 @@
 //! Carries out [`plan::poisson`](crate::plan::poisson).
 
-use super::border::{Window, block};
 use super::job::Job;
+use super::padded_rows::{PaddedRows, block};
 use crate::error::Result;
 use crate::picture::Size;
 use crate::plan::poisson::{LeakTest, Plan, Settings, Tap};
@@ -37,7 +37,7 @@ pub fn render(job: &Job, settings: &Settings, out: &mut [f32]) -> Result<()> {
         size,
         band,
         cancel,
-        || (Window::new(planes, band, plan.margin), Extremes::default()),
+        || (PaddedRows::new(planes, band, plan.margin), Extremes::default()),
         |(window, extremes), first, out| {
             let length = size.width * size.channels;
             window.fill(first, out.len() / length, read);
@@ -259,7 +259,7 @@ impl<const C: usize> Sums<C> {
 #[inline(always)]
 fn average<const C: usize>(
     plan: &Plan,
-    window: &Window,
+    window: &PaddedRows,
     at: usize,
     scale_px: &Scales,
     leak_test: LeakTest,
@@ -380,7 +380,7 @@ fn find_extremes(disparity: &[f32], blurriness: &[f32], stride: usize, extremes:
 
 /// One row of the picture.
 #[inline(always)]
-fn row<const C: usize>(plan: &Plan, window: &Window, extremes: &Extremes, y: usize, out: &mut [f32]) {
+fn row<const C: usize>(plan: &Plan, window: &PaddedRows, extremes: &Extremes, y: usize, out: &mut [f32]) {
     for (i, out) in out.chunks_mut(LANES * C).enumerate() {
         let at = window.index(i * LANES, y);
         let disparity = block(window.plane(C), at);

@@ -1,7 +1,7 @@
 //! Carries out [`plan::taps`](crate::plan::taps).
 
-use super::border::{BLOCK, Window, block};
 use super::job::Job;
+use super::padded_rows::{BLOCK, PaddedRows, block};
 use crate::error::Result;
 use crate::picture::Size;
 use crate::plan::taps::{Mix, Plan, Settings, Tap};
@@ -26,7 +26,7 @@ pub fn render(job: &Job, settings: &Settings, out: &mut [f32]) -> Result<()> {
             );
         }
     };
-    let scratch = || Window::new(planes, BAND, plan.margin);
+    let scratch = || PaddedRows::new(planes, BAND, plan.margin);
     render_bands(out, size, BAND, cancel, scratch, |window, first, out| {
         let length = size.width * size.channels;
         window.fill(first, out.len() / length, read);
@@ -72,7 +72,7 @@ fn look_up(plane: &[f32], stride: usize, at: usize, tap: &Tap) -> [f32; BLOCK] {
 
 /// One row of the picture.
 #[inline(always)]
-fn row<const C: usize>(plan: &Plan, window: &Window, y: usize, out: &mut [f32]) {
+fn row<const C: usize>(plan: &Plan, window: &PaddedRows, y: usize, out: &mut [f32]) {
     for (i, out) in out.chunks_mut(BLOCK * C).enumerate() {
         let at = window.index(i * BLOCK, y);
         let centre: [[f32; BLOCK]; C] = window.blocks(at);

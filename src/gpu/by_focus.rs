@@ -14,7 +14,6 @@ shared! {
         channels: u32,
         color: u32,
         coverage: u32,
-        _end: u32,
     }
 }
 
@@ -36,7 +35,6 @@ pub fn render(
             channels: channels.len() as u32,
             color: color as u32,
             coverage: u32::from(channels.contains(&COVERAGE) && color == GREEN),
-            _end: 0,
         };
         let on_all = groups(size.width, size.height);
         commands.pass(&BY_FOCUS, size.channels, &params, &[Read(&part), Write(&picture)], on_all)?;

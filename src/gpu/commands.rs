@@ -144,7 +144,10 @@ impl<'a> Commands<'a> {
         visibility: wgpu::ShaderStages,
     ) -> Result<(wgpu::BindGroupLayout, wgpu::BindGroup)> {
         let device = &self.gpu.device;
-        let params = self.gpu.filled("parameters", bytemuck::bytes_of(params), BufferUsages::UNIFORM)?;
+        // WGSL rounds the size of a structure up to its alignment, which is 16 bytes at most.
+        let mut bytes = bytemuck::bytes_of(params).to_vec();
+        bytes.resize(bytes.len().next_multiple_of(16), 0);
+        let params = self.gpu.filled("parameters", &bytes, BufferUsages::UNIFORM)?;
         let kind =
             |bound: &Bound| wgpu::BufferBindingType::Storage { read_only: matches!(bound, Bound::Read(_)) };
         let kinds = std::iter::once(wgpu::BufferBindingType::Uniform).chain(buffers.iter().map(kind));

@@ -9,11 +9,11 @@ use crate::error::Result;
 use crate::optics::Optics;
 use crate::plan::gaussian::{Plan, REACH, Settings};
 
-pub const HALVE: Shader = shader!("gaussian/halve", ["border", "picture", "defocus"], [FrameParams, Defocus]);
-pub const BLUR_X: Shader = shader!("gaussian/blur_x", ["border"], [AcrossParams, Tap]);
-pub const BLUR_Y: Shader = shader!("gaussian/blur_y", ["border"], [DownParams]);
+pub const HALVE: Shader = shader!("gaussian/halve", ["mirror", "picture", "defocus"], [FrameParams, Defocus]);
+pub const BLUR_X: Shader = shader!("gaussian/blur_x", ["mirror"], [AcrossParams, Tap]);
+pub const BLUR_Y: Shader = shader!("gaussian/blur_y", ["mirror"], [DownParams]);
 pub const COMPOSITE: Shader =
-    shader!("gaussian/composite", ["border", "picture", "defocus"], [FrameParams, Defocus]);
+    shader!("gaussian/composite", ["mirror", "picture", "defocus"], [FrameParams, Defocus]);
 
 shared! {
     /// Of passes that read the picture.
@@ -21,7 +21,6 @@ shared! {
         size: [u32; 2],
         half: [u32; 2],
         defocus: Defocus,
-        _end: u32,
     }
 }
 
@@ -39,7 +38,6 @@ shared! {
     struct DownParams {
         half: [u32; 2],
         reach: u32,
-        _end: u32,
     }
 }
 
@@ -68,7 +66,7 @@ pub fn render(
     let (size, c) = (scene.size, scene.size.channels);
     let half = (size.width.div_ceil(2), size.height.div_ceil(2));
     let half_size = [half.0 as u32, half.1 as u32];
-    let frame = FrameParams { size: pixels(size), half: half_size, defocus: plan.defocus().into(), _end: 0 };
+    let frame = FrameParams { size: pixels(size), half: half_size, defocus: plan.defocus().into() };
     let tap = |tap: &crate::plan::gaussian::Tap| Tap {
         whole: tap.whole as i32,
         fraction: tap.fraction,
@@ -101,7 +99,7 @@ pub fn render(
         &[Read(&color), Read(&blurriness), Read(&taps), sums[0], sums[1]],
         on_half,
     )?;
-    let down = DownParams { half: half_size, reach: REACH as u32, _end: 0 };
+    let down = DownParams { half: half_size, reach: REACH as u32 };
     commands.pass(
         &BLUR_Y,
         c,

@@ -11,12 +11,12 @@ use crate::plan::hexagonal::{self as plan, Plan, Settings};
 
 pub const GATHER: Shader = shader!(
     "hexagonal/gather",
-    ["border", "picture", "defocus", "hexagonal/lines"],
+    ["mirror", "picture", "defocus", "hexagonal/lines"],
     [Params, Tap, Texel, Defocus]
 );
 pub const SHADE: Shader = shader!(
     "hexagonal/shade",
-    ["border", "picture", "defocus", "hexagonal/lines"],
+    ["mirror", "picture", "defocus", "hexagonal/lines"],
     [Params, Tap, Texel, Defocus]
 );
 
@@ -36,7 +36,6 @@ shared! {
         max_coc_px: f32,
         _gap: [u32; 3],
         shift: Defocus,
-        _end: u32,
     }
 }
 
@@ -118,7 +117,6 @@ pub fn render(
         max_coc_px: settings.max_coc_px as f32,
         _gap: [0; 3],
         shift: optics.defocus(Measure::Shift, 1.0).into(),
-        _end: 0,
     };
     let (gathered, spread) = (Lines::new(&plan, |t| &t.gathered), Lines::new(&plan, |t| &t.spread));
     // A second target that there is none of is never looked at.

@@ -9,10 +9,10 @@ use crate::error::Result;
 use crate::optics::Optics;
 use crate::plan::levels::{KEPT, Plan, STEPS, Settings};
 
-pub const REDUCE: Shader = shader!("levels/reduce", ["border", "picture"], [ReduceParams]);
-pub const FILTER: Shader = shader!("levels/filter", ["border"], [FilterParams]);
+pub const REDUCE: Shader = shader!("levels/reduce", ["mirror", "picture"], [ReduceParams]);
+pub const FILTER: Shader = shader!("levels/filter", ["mirror"], [FilterParams]);
 pub const INTERPOLATE: Shader =
-    shader!("levels/interpolate", ["border", "picture", "defocus"], [InterpolateParams, Defocus]);
+    shader!("levels/interpolate", ["mirror", "picture", "defocus"], [InterpolateParams, Defocus]);
 
 shared! {
     /// Of the reduction.
@@ -20,7 +20,6 @@ shared! {
         size: [u32; 2],
         small: [u32; 2],
         block: u32,
-        _end: u32,
     }
 }
 
@@ -31,7 +30,6 @@ shared! {
         middle: f32,
         beside: f32,
         beyond: f32,
-        _end: u32,
     }
 }
 
@@ -43,7 +41,6 @@ shared! {
         block: u32,
         _gap: [u32; 3],
         beginning: Defocus,
-        _end: u32,
     }
 }
 
@@ -71,11 +68,11 @@ pub fn render(
     let picture = commands.output(size)?;
 
     let input = [Read(&scene.color), Read(&scene.disparity)];
-    let reduce = ReduceParams { size: full, small, block, _end: 0 };
+    let reduce = ReduceParams { size: full, small, block };
     let on_small = groups(width, height);
     commands.pass(&REDUCE, c, &reduce, &[input[0], input[1], Write(&before)], on_small)?;
     let [middle, beside, beyond] = plan.weights;
-    let filter = FilterParams { size: small, middle, beside, beyond, _end: 0 };
+    let filter = FilterParams { size: small, middle, beside, beyond };
     for step in 1..=STEPS {
         let into = if step == KEPT { &half_way } else { &after };
         let from = if step == KEPT + 1 { &half_way } else { &before };
@@ -88,7 +85,6 @@ pub fn render(
         block,
         _gap: [0; 3],
         beginning: plan.beginning(optics).into(),
-        _end: 0,
     };
     let buffers = [input[0], input[1], Read(&half_way), Read(&before), Write(&picture)];
     commands.pass(&INTERPOLATE, c, &interpolate, &buffers, groups(size.width, size.height))?;

@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::optics::{Measure, Optics};
 use crate::plan::poisson::{Plan, Settings};
 
-pub const POISSON: Shader = shader!("poisson", ["border", "picture", "defocus"], [Params, Tap, Defocus]);
+pub const POISSON: Shader = shader!("poisson", ["mirror", "picture", "defocus"], [Params, Tap, Defocus]);
 
 shared! {
     struct Params {
@@ -20,7 +20,6 @@ shared! {
         max_radius_px: f32,
         _gap: [u32; 2],
         shift: Defocus,
-        _end: u32,
     }
 }
 
@@ -56,7 +55,6 @@ pub fn render(
         max_radius_px: plan.max_radius_px as f32,
         _gap: [0; 2],
         shift: optics.defocus(Measure::Shift, 1.0).into(),
-        _end: 0,
     };
     let taps = commands.gpu.upload("the table of taps", &taps)?;
     let picture = commands.output(size)?;

@@ -12,7 +12,6 @@ shared! {
     struct Params {
         size: [u32; 2],
         block: u32,
-        _end: u32,
     }
 }
 
@@ -24,7 +23,7 @@ pub fn box_average(
     n: usize,
 ) -> Result<wgpu::Buffer> {
     let output = Size { width: size.width / n, height: size.height / n, ..size };
-    let params = Params { size: pixels(output), block: n as u32, _end: 0 };
+    let params = Params { size: pixels(output), block: n as u32 };
     let picture = commands.output(output)?;
     let groups = groups(output.width, output.height);
     commands.pass(&RESOLVE, size.channels, &params, &[Read(full), Write(&picture)], groups)?;

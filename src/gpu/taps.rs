@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::optics::Optics;
 use crate::plan::taps::{MAX_BLUR, Plan, Settings};
 
-pub const TAPS: Shader = shader!("taps", ["border", "picture", "defocus"], [Params, Tap, Defocus]);
+pub const TAPS: Shader = shader!("taps", ["mirror", "picture", "defocus"], [Params, Tap, Defocus]);
 
 shared! {
     struct Params {
@@ -20,7 +20,6 @@ shared! {
         max_blur: f32,
         _gap: [u32; 2],
         defocus: Defocus,
-        _end: u32,
     }
 }
 
@@ -63,7 +62,6 @@ pub fn render(
         max_blur: MAX_BLUR as f32,
         _gap: [0; 2],
         defocus: plan.defocus().into(),
-        _end: 0,
     };
     let taps = commands.gpu.upload("the table of look-ups", &taps)?;
     let picture = commands.output(size)?;

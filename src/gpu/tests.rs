@@ -46,7 +46,7 @@ fn renderer(width: usize, height: usize) -> (Renderer, Vec<f32>) {
 
 fn render((renderer, out): &(Renderer, Vec<f32>), device: Device) -> crate::error::Result<Vec<f32>> {
     let (mut out, cancel) = (out.clone(), Cancel::default());
-    renderer.render_each(&[lens()], &taps(), device, Simd::Portable, &cancel, vec![&mut out])?;
+    renderer.render_each(&[lens()], &taps(), device, Simd::PORTABLE, &cancel, vec![&mut out])?;
     Ok(out)
 }
 
@@ -83,7 +83,7 @@ fn a_device_that_is_lost_while_it_works_is_an_error() {
         let gpu = Gpu::open(0).unwrap();
         let scene = Scene::new(picture(1500, 1000), 3, 1);
         let (cache, method, cancel) = (SceneCache::default(), taps(), Cancel::default());
-        let simd = Simd::Portable;
+        let simd = Simd::PORTABLE;
         let scope = Scope { scene: &scene, cache: &cache, method: &method, simd, cancel: &cancel };
         let start = |gpu: &Arc<Gpu>| {
             let imaging = lens();
@@ -106,7 +106,7 @@ fn a_wait_can_be_cancelled() {
         let cancel = Cancel::default();
         cancel.cancel();
         let (lenses, device, mut out) = ([lens()], Device::Gpu(0), scene.1.clone());
-        let result = scene.0.render_each(&lenses, &taps(), device, Simd::Portable, &cancel, vec![&mut out]);
+        let result = scene.0.render_each(&lenses, &taps(), device, Simd::PORTABLE, &cancel, vec![&mut out]);
         // A device that is done before the first look has nothing to cancel.
         assert!(matches!(result, Ok(_) | Err(Error::Cancelled)), "{:?}", result.err());
         assert!(render(&scene, Device::Gpu(0)).is_ok());

@@ -1,7 +1,7 @@
-//! What to do, worked out before any pixel is looked at: settings, tap tables, weights and thresholds.
+//! What to do under one lens: settings, tap tables, weights, tiles and lens samples.
 //!
-//! A file a method, and one for what is done to whole pictures. Nothing here depends on where the plan is carried out;
-//! `cpu` has a file of the same name for each.
+//! A method is a file or a folder; [`magnify`] is for whole pictures. Nothing here depends on the device that carries the
+//! plan out: `cpu` and `gpu` have a file of the same name for each.
 
 pub mod gaussian;
 pub mod hexagonal;

@@ -158,22 +158,12 @@ fn internal_error(panic: &(dyn std::any::Any + Send)) -> PyErr {
     ))
 }
 
-/// Instruction sets with the names they go by.
-const SIMD_NAMES: &[(&str, Simd)] = &[
-    ("portable", Simd::Portable),
-    #[cfg(target_arch = "x86_64")]
-    ("avx2", Simd::Avx2),
-    #[cfg(target_arch = "x86_64")]
-    ("avx512", Simd::Avx512),
-];
-
-/// Names of the instruction sets that the sweep can use on this processor, best last.
+/// Names of the instruction sets that can be used on this processor, best last.
 ///
 /// The environment variable ``DOFSIM_SIMD`` picks one by name; all give the same bits.
 #[pyfunction]
 pub fn simd_available() -> Vec<&'static str> {
-    let available = Simd::available();
-    SIMD_NAMES.iter().filter(|(_, simd)| available.contains(simd)).map(|(name, _)| *name).collect()
+    Simd::available().into_iter().map(Simd::name).collect()
 }
 
 /// The instruction set to use: the best one, or the one that `DOFSIM_SIMD` names.
@@ -182,7 +172,7 @@ pub fn simd() -> PyResult<Simd> {
     match std::env::var("DOFSIM_SIMD") {
         Err(_) => Ok(available[available.len() - 1]),
         Ok(name) => {
-            let usable: Vec<_> = SIMD_NAMES.iter().copied().filter(|s| available.contains(&s.1)).collect();
+            let usable: Vec<_> = available.into_iter().map(|simd| (simd.name(), simd)).collect();
             super::errors::choice("environment variable DOFSIM_SIMD", &name, &usable)
         }
     }

@@ -1,5 +1,8 @@
-//! What lies hidden behind foreground edges: colour and depth of the surface that the lens sees there and the
+//! Inpainting of disocclusions: colour and depth of the surfaces behind foreground edges, which the lens sees and the
 //! pinhole did not.
+//!
+//! From a hidden pixel, rays march in sixteen directions until they leave the foreground. The surface that most of them
+//! reach continues behind it.
 
 use super::edges::{self, CONNECTED_PX, EDGE};
 use super::grid::BLOCK;
@@ -9,17 +12,18 @@ use crate::error::Result;
 use crate::rows::AT_ONCE;
 use rayon::prelude::*;
 
-/// Directions in which a hidden pixel looks for what continues behind it.
+/// Directions in which rays march from a hidden pixel: exits 16 pixels away are 6 pixels apart.
 const DIRECTIONS: usize = 16;
-/// How far beyond a silhouette a pure pixel is looked for.
+/// How far beyond a silhouette a pure pixel is searched: as far as around an edge pixel.
 const BEYOND_EDGE: usize = 4;
-/// Hits this close in shift are one surface.
+/// Exits this close in shift are on one surface: each is within a step of one that most agree on.
 const SAME_SURFACE_PX: f32 = 2.0;
-/// A hidden surface lies at least this far behind what hides it.
+/// A hidden surface lies at least this far behind what hides it: half of what makes an edge.
 const BEHIND_PX: f32 = 0.5;
 /// A lens sees no farther behind a silhouette than the difference in shift, and a little more for rounding.
 const MARGIN_PX: f32 = 2.0;
-/// Far from edges only every so many pixels look, along each axis of a block: first the farthest from edges, then others.
+/// Far from edges, rays march from a grid of pixels only: its spacing along each axis of a block, for the pixels farthest
+/// from edges first.
 const SPACINGS_PX: [usize; 2] = [4, 2];
 
 /// A hidden pixel filled in.
@@ -29,16 +33,16 @@ pub struct Hidden {
     pub color: [f32; 4],
 }
 
-/// What looks in all directions agree on.
+/// The surface that the rays of all directions agree on.
 #[derive(Clone, Copy)]
 struct Found {
     s: f32,
     color: [f32; 4],
 }
 
-/// Where a look in one direction came out from behind the foreground.
+/// Where a ray left the foreground.
 #[derive(Clone, Copy)]
-struct Hit {
+struct Exit {
     distance: f32,
     s: f32,
     color: [f32; 4],
@@ -49,20 +53,20 @@ struct Hit {
 struct Step {
     dx: i32,
     dy: i32,
-    /// From one index to the other.
+    /// From the index of the origin to that of the pixel.
     offset: isize,
     distance: f32,
 }
 
-/// Where looks start.
+/// The pixel that rays march from.
 #[derive(Clone, Copy)]
-struct From {
+struct Origin {
     x: usize,
     y: usize,
     index: usize,
-    /// Whether no look can leave the frame.
+    /// Whether no ray can leave the frame.
     inside: bool,
-    /// How much farther than the difference in shift looks go.
+    /// How much farther than the difference in shift rays go.
     margin_px: f32,
 }
 
@@ -88,15 +92,15 @@ fn rays(reach: usize, width: usize) -> Vec<Vec<Step>> {
 }
 
 /// Least shift at a silhouette, and least and greatest shift of all, of each block of pixels.
-struct Blocks {
+struct ShiftBounds {
     across: usize,
     edge_s: Vec<f32>,
     min_s: Vec<f32>,
     max_s: Vec<f32>,
 }
 
-impl Blocks {
-    fn new(frame: &FrontLayer) -> Blocks {
+impl ShiftBounds {
+    fn new(frame: &FrontLayer) -> ShiftBounds {
         let across = frame.size.width.div_ceil(BLOCK);
         let down = frame.size.height.div_ceil(BLOCK);
         let all: Vec<[f32; 3]> = (0..across * down)
@@ -118,7 +122,7 @@ impl Blocks {
             })
             .collect();
         let column = |i: usize| all.iter().map(|block| block[i]).collect();
-        Blocks { across, edge_s: column(0), min_s: column(1), max_s: column(2) }
+        ShiftBounds { across, edge_s: column(0), min_s: column(1), max_s: column(2) }
     }
 
     /// The least shift at a silhouette that any pixel of block `b` could uncover, if there is one.
@@ -139,8 +143,8 @@ impl Blocks {
     }
 }
 
-/// What a look needs to know of the frame.
-struct Surroundings<'a> {
+/// The visible surfaces, as rays march over them.
+struct Surfaces<'a> {
     frame: &'a FrontLayer<'a>,
     /// The edge pixels that were taken apart, by rising index.
     mixed: &'a [MixedPixel],
@@ -148,7 +152,7 @@ struct Surroundings<'a> {
     edge_distance: &'a [u8],
 }
 
-impl Surroundings<'_> {
+impl Surfaces<'_> {
     /// An edge pixel taken apart.
     fn mixed(&self, index: usize) -> Option<&MixedPixel> {
         self.mixed.binary_search_by_key(&index, |m| m.index).ok().map(|i| &self.mixed[i])
@@ -156,24 +160,24 @@ impl Surroundings<'_> {
 
     /// The pixel that a step leads to, if it is in the frame.
     #[inline(always)]
-    fn at(&self, from: From, step: &Step) -> Option<usize> {
-        if from.inside {
-            Some(from.index.wrapping_add_signed(step.offset))
+    fn at(&self, origin: Origin, step: &Step) -> Option<usize> {
+        if origin.inside {
+            Some(origin.index.wrapping_add_signed(step.offset))
         } else {
-            self.frame.offset(from.x, from.y, step.dx, step.dy)
+            self.frame.offset(origin.x, origin.y, step.dx, step.dy)
         }
     }
 
-    /// Follows one direction at shift `s_start` until it leaves the foreground; no farther than a surface at
+    /// Marches along one direction at shift `s_start` until it leaves the foreground; no farther than a surface at
     /// `s_farthest` could be uncovered.
-    fn look(&self, from: From, s_start: f32, s_farthest: f32, ray: &[Step]) -> Option<Hit> {
+    fn march(&self, origin: Origin, s_start: f32, s_farthest: f32, ray: &[Step]) -> Option<Exit> {
         let FrontLayer { s, connectivity, .. } = *self.frame;
-        let at = |step: &Step| self.at(from, step);
+        let at = |step: &Step| self.at(origin, step);
         // Each step moves one pixel, so no edge is met sooner than after the distance to the nearest.
-        let mut k = usize::from(self.edge_distance[from.index]).saturating_sub(1);
+        let mut k = usize::from(self.edge_distance[origin.index]).saturating_sub(1);
         loop {
             let step = ray.get(k)?;
-            if step.distance > s_start - s_farthest + from.margin_px {
+            if step.distance > s_start - s_farthest + origin.margin_px {
                 return None;
             }
             let here = at(step)?;
@@ -181,20 +185,20 @@ impl Surroundings<'_> {
                 k += usize::from(self.edge_distance[here]).max(1);
                 continue;
             }
-            let previous = k.checked_sub(1).map_or(Some(from.index), |k| at(&ray[k]))?;
+            let previous = k.checked_sub(1).map_or(Some(origin.index), |k| at(&ray[k]))?;
             let drop = s[previous] - s[here];
             if drop.abs() >= CONNECTED_PX && connectivity[previous] & EDGE != 0 {
                 if drop < 0.0 {
                     return None;
                 }
                 if s[here] <= s_start - CONNECTED_PX {
-                    let uncovered = step.distance <= s_start - s[here] + from.margin_px;
-                    let hit = || Hit {
+                    let uncovered = step.distance <= s_start - s[here] + origin.margin_px;
+                    let exit = || Exit {
                         distance: step.distance,
                         s: s[here],
-                        color: self.pure_beyond(from, here, &ray[k..]),
+                        color: self.pure_beyond(origin, here, &ray[k..]),
                     };
-                    return uncovered.then(hit);
+                    return uncovered.then(exit);
                 }
             }
             k += 1;
@@ -202,50 +206,50 @@ impl Surroundings<'_> {
     }
 
     /// The colour of the first pixel beyond a silhouette that mixes with nothing, or else the unmixed one there.
-    fn pure_beyond(&self, from: From, hit: usize, ray: &[Step]) -> [f32; 4] {
+    fn pure_beyond(&self, origin: Origin, exit: usize, ray: &[Step]) -> [f32; 4] {
         let FrontLayer { s, connectivity, .. } = *self.frame;
-        let beyond = ray.iter().take(BEYOND_EDGE).map_while(|step| self.at(from, step));
+        let beyond = ray.iter().take(BEYOND_EDGE).map_while(|step| self.at(origin, step));
         let pure = beyond
-            .take_while(|&q| (s[q] - s[hit]).abs() < SAME_SURFACE_PX)
+            .take_while(|&q| (s[q] - s[exit]).abs() < SAME_SURFACE_PX)
             .find(|&q| connectivity[q] & EDGE == 0);
         match pure {
             Some(q) => self.frame.color_at(q),
-            None => self.mixed(hit).map_or_else(|| self.frame.color_at(hit), |mixed| mixed.back),
+            None => self.mixed(exit).map_or_else(|| self.frame.color_at(exit), |mixed| mixed.back),
         }
     }
 }
 
-/// The shift that most hits, the nearest ones above all, agree on.
-fn surface_of(hits: &[Hit]) -> Option<f32> {
+/// The shift that most exits, the nearest ones above all, agree on.
+fn surface_of(exits: &[Exit]) -> Option<f32> {
     // Beside those that there are, some that agree with nothing, so that all are asked together.
     let (mut s, mut weight, mut votes) = ([f32::NAN; DIRECTIONS], [0.0; DIRECTIONS], [0.0f32; DIRECTIONS]);
-    for (i, h) in hits.iter().enumerate() {
+    for (i, h) in exits.iter().enumerate() {
         (s[i], weight[i]) = (h.s, 1.0 / (h.distance * h.distance));
     }
-    for (other, weight) in s.iter().zip(weight).take(hits.len()) {
+    for (other, weight) in s.iter().zip(weight).take(exits.len()) {
         for (votes, s) in votes.iter_mut().zip(s) {
             *votes += if (other - s).abs() < CONNECTED_PX { weight } else { 0.0 };
         }
     }
-    let found = votes.into_iter().zip(s).take(hits.len());
+    let found = votes.into_iter().zip(s).take(exits.len());
     found.reduce(|a, b| if b.0 > a.0 { b } else { a }).map(|(_, s)| s)
 }
 
 /// What lies hidden out of what was found around it.
-fn merge(hits: &[Hit]) -> Option<Found> {
-    let surface = surface_of(hits)?;
-    let on_surface = |h: &&Hit| (h.s - surface).abs() < SAME_SURFACE_PX;
+fn merge(exits: &[Exit]) -> Option<Found> {
+    let surface = surface_of(exits)?;
+    let on_surface = |h: &&Exit| (h.s - surface).abs() < SAME_SURFACE_PX;
 
-    // A highlight that one look happens to meet must not be smeared over the whole hidden region.
-    let brightness = |h: &Hit| h.color.iter().sum::<f32>();
+    // A highlight that one ray happens to meet must not be smeared over the whole hidden region.
+    let brightness = |h: &Exit| h.color.iter().sum::<f32>();
     let (mut all, mut n) = ([0.0; DIRECTIONS], 0);
-    for h in hits.iter().filter(on_surface) {
+    for h in exits.iter().filter(on_surface) {
         all[n] = brightness(h);
         n += 1;
     }
     let (_, median, _) = all[..n].select_nth_unstable_by(n / 2, f32::total_cmp);
     let limit = 4.0 * median.max(f32::MIN_POSITIVE);
-    let kept = hits.iter().filter(on_surface).filter(|h| brightness(h) <= limit);
+    let kept = exits.iter().filter(on_surface).filter(|h| brightness(h) <= limit);
 
     let (mut weight, mut s, mut color) = (0.0, 0.0, [0.0; 4]);
     for h in kept {
@@ -259,18 +263,18 @@ fn merge(hits: &[Hit]) -> Option<Found> {
     (weight > 0.0).then(|| Found { s: s / weight, color: color.map(|c| c / weight) })
 }
 
-/// All that looks behind pixels need.
-struct Looks<'a> {
-    around: Surroundings<'a>,
-    blocks: Blocks,
-    /// See [`Blocks::farthest_uncovered`].
+/// The search for what the foreground hides.
+struct Search<'a> {
+    around: Surfaces<'a>,
+    blocks: ShiftBounds,
+    /// See [`ShiftBounds::farthest_uncovered`].
     farthest: Vec<Option<f32>>,
     rays: Vec<Vec<Step>>,
-    /// The farthest that they go.
+    /// The longest way of a ray.
     reach: usize,
 }
 
-/// What looks behind a pixel tell.
+/// What the search has found behind a pixel.
 #[derive(Clone, Copy)]
 enum Answer {
     /// It has not been asked.
@@ -287,10 +291,10 @@ struct Grid {
     answers: Vec<Answer>,
 }
 
-impl Looks<'_> {
-    /// The shift of the surface behind which pixel `index` looks; `None` where what it hides is known.
+impl Search<'_> {
+    /// The shift of the surface that hides something at pixel `index`; `None` where what it hides is known.
     fn front(&self, index: usize) -> Option<f32> {
-        let Surroundings { frame, edge_distance, .. } = self.around;
+        let Surfaces { frame, edge_distance, .. } = self.around;
         // What lies behind a mixed pixel is known, unless it turned out to show only that.
         let at_edge = edge_distance[index] == 0;
         match if at_edge { self.around.mixed(index) } else { None } {
@@ -300,30 +304,30 @@ impl Looks<'_> {
         }
     }
 
-    /// Looks behind a pixel in all directions, `margin_px` farther than the lens sees.
+    /// Searches behind a pixel in all directions, `margin_px` farther than the lens sees.
     fn find(&self, (x, y): (usize, usize), s_front: f32, s_farthest: f32, margin_px: f32) -> Option<Found> {
-        let Surroundings { frame, edge_distance, .. } = self.around;
+        let Surfaces { frame, edge_distance, .. } = self.around;
         let index = y * frame.size.width + x;
         let behind = s_front - s_farthest;
         if behind < CONNECTED_PX || f32::from(edge_distance[index]) > behind + margin_px {
             return None;
         }
         let from_border = x.min(frame.size.width - 1 - x).min(y).min(frame.size.height - 1 - y);
-        let from = From { x, y, index, inside: from_border > self.reach, margin_px };
-        let mut hits = [Hit { distance: 0.0, s: 0.0, color: [0.0; 4] }; DIRECTIONS];
+        let origin = Origin { x, y, index, inside: from_border > self.reach, margin_px };
+        let mut exits = [Exit { distance: 0.0, s: 0.0, color: [0.0; 4] }; DIRECTIONS];
         let mut found = 0;
         for ray in &self.rays {
-            if let Some(hit) = self.around.look(from, s_front, s_farthest, ray) {
-                hits[found] = hit;
+            if let Some(exit) = self.around.march(origin, s_front, s_farthest, ray) {
+                exits[found] = exit;
                 found += 1;
             }
         }
-        merge(&hits[..found])
+        merge(&exits[..found])
     }
 
-    /// Looks behind the pixels of a block's grid, where a coarser one doesn't tell.
+    /// Searches behind the pixels of a block's grid, where a coarser one doesn't tell.
     ///
-    /// Looks in neighbouring directions come out farther apart the farther away the edges are. What lies hidden is known no
+    /// Rays in neighbouring directions leave the foreground farther apart the farther away the edges are. What lies hidden is known no
     /// more finely than that, so that only what is nearer to an edge than some distance asks for more than the grid.
     fn grid(&self, origin: (usize, usize), spacing: usize, coarser: Option<&Grid>) -> Grid {
         let size = self.around.frame.size;
@@ -392,10 +396,10 @@ impl Grid {
     }
 }
 
-/// Fills every pixel that a lens can look behind and whose background is still unknown.
+/// Fills every pixel that a lens sees behind and whose background is still unknown.
 pub fn hidden(frame: &FrontLayer, mixed: &[MixedPixel], cancel: &Cancel) -> Result<Vec<Hidden>> {
     let (width, height) = (frame.size.width, frame.size.height);
-    let blocks = Blocks::new(frame);
+    let blocks = ShiftBounds::new(frame);
     let s_min = blocks.min_s.iter().copied().fold(f32::INFINITY, f32::min);
     let s_max = blocks.max_s.iter().copied().fold(f32::NEG_INFINITY, f32::max);
     let reach = (s_max - s_min + MARGIN_PX).ceil() as usize;
@@ -403,7 +407,7 @@ pub fn hidden(frame: &FrontLayer, mixed: &[MixedPixel], cancel: &Cancel) -> Resu
     let rays = rays(reach, width);
 
     let edge_distance = edges::distance_to_edges(frame.connectivity, width);
-    let around = Surroundings { frame, mixed, edge_distance: &edge_distance };
+    let around = Surfaces { frame, mixed, edge_distance: &edge_distance };
 
     let farthest: Vec<_> = (0..blocks.edge_s.len())
         .into_par_iter()
@@ -411,21 +415,21 @@ pub fn hidden(frame: &FrontLayer, mixed: &[MixedPixel], cancel: &Cancel) -> Resu
         .map(|b| blocks.farthest_uncovered(b, s_min))
         .collect();
     let across = blocks.across;
-    let looks = Looks { around, blocks, farthest, rays, reach };
+    let search = Search { around, blocks, farthest, rays, reach };
     let fill_block = |b: usize| {
         cancel.check()?;
         let mut filled = Vec::new();
-        let Some(s_farthest) = looks.farthest[b] else { return Ok(filled) };
+        let Some(s_farthest) = search.farthest[b] else { return Ok(filled) };
         let (x0, y0) = (b % across * BLOCK, b / across * BLOCK);
         let [coarse, fine] = SPACINGS_PX;
-        let grid = looks.grid((x0, y0), coarse, None);
-        let grid = looks.grid((x0, y0), fine, Some(&grid));
+        let grid = search.grid((x0, y0), coarse, None);
+        let grid = search.grid((x0, y0), fine, Some(&grid));
         for y in y0..(y0 + BLOCK).min(height) {
             for x in x0..(x0 + BLOCK).min(width) {
                 let index = y * width + x;
-                let Some(s_front) = looks.front(index) else { continue };
+                let Some(s_front) = search.front(index) else { continue };
                 let found = match grid.at((x, y)) {
-                    Answer::Unknown => looks.find((x, y), s_front, s_farthest, MARGIN_PX),
+                    Answer::Unknown => search.find((x, y), s_front, s_farthest, MARGIN_PX),
                     Answer::Nothing => None,
                     Answer::Surface(found) => Some(found),
                 };
@@ -436,7 +440,7 @@ pub fn hidden(frame: &FrontLayer, mixed: &[MixedPixel], cancel: &Cancel) -> Resu
         }
         Ok(filled)
     };
-    let numbers = (0..looks.farthest.len()).into_par_iter().with_max_len(AT_ONCE);
+    let numbers = (0..search.farthest.len()).into_par_iter().with_max_len(AT_ONCE);
     let filled = numbers.map(fill_block).collect::<Result<Vec<_>>>()?;
     Ok(filled.into_iter().flatten().collect())
 }

@@ -9,7 +9,7 @@ use crate::plan::hexagonal::{Margin, Plan};
 use crate::simd::Simd;
 
 /// What is read from.
-pub struct Frame<'a> {
+pub struct Source<'a> {
     pub layer: &'a Layer,
     pub size: Size,
     pub optics: &'a Optics,
@@ -74,7 +74,7 @@ pub struct Field {
 }
 
 impl Field {
-    pub fn new(plan: &Plan, frame: &Frame) -> Field {
+    pub fn new(plan: &Plan, frame: &Source) -> Field {
         let (second, both) = plan.margins();
         // Lanes start at multiples of their number, and overhang.
         let before = (both.left.next_multiple_of(LANES) + LANES, both.above);
@@ -110,7 +110,7 @@ impl Field {
     }
 
     /// Reads a tile and its surroundings; beyond the border lies the picture's mirror image.
-    pub fn read(&mut self, simd: Simd, frame: &Frame, origin: (usize, usize)) {
+    pub fn read(&mut self, simd: Simd, frame: &Source, origin: (usize, usize)) {
         let (size, area, stride) = (frame.size, self.area, self.stride);
         let left = origin.0 as i64 - self.before.0 as i64;
         for row in 0..area / stride {
@@ -147,7 +147,7 @@ impl Field {
 
 /// Signed circles of confusion of a row.
 #[inline(always)]
-fn circles(frame: &Frame, disparity: &[f32], out: &mut [f32]) {
+fn circles(frame: &Source, disparity: &[f32], out: &mut [f32]) {
     // Copies, which the compiler knows that nothing in the loop changes.
     let (optics, most) = (*frame.optics, frame.max_coc_px);
     map(disparity, out, |d| coc(&optics, most, d));

@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::picture::{Layer, Size};
 use crate::plan::hexagonal::{Line, Plan, Settings, Target};
 use crate::rows::{interleave, with_channels};
-use field::{Field, Frame};
+use field::{Field, Source};
 use lanes::{LANES, Lane, lane};
 use rayon::prelude::*;
 use reach::{BLOCK, Looks, Reach};
@@ -23,7 +23,7 @@ use sums::{Layers, NearSum, Own, RestSum};
 pub fn render(job: &Job, settings: &Settings, out: &mut [f32]) -> Result<()> {
     let Job { front: layer, size, optics, simd, cancel } = *job;
     let reach_px = optics.largest_radius_px(layer.disparity_range()).min(settings.max_coc_px) as f32;
-    let frame = Frame { layer, size, optics, max_coc_px: settings.max_coc_px, tile: tile_size(reach_px) };
+    let frame = Source { layer, size, optics, max_coc_px: settings.max_coc_px, tile: tile_size(reach_px) };
     let plan = Plan::new(settings, f64::from(reach_px));
     tiles::split(out, size, frame.tile).par_iter_mut().try_for_each_init(
         || Field::new(&plan, &frame),

@@ -285,7 +285,7 @@ mod tests {
             [-20.0f32, 0.0, 7.0, -9.0, 3.0, 12.0, 0.0, -17.0][(x / 48 + 3 * (y / 40)) % 8]
         };
         let coc: Vec<f32> = (0..rows).flat_map(|y| (0..stride).map(move |x| patch(x, y))).collect();
-        let reach = Reach::new(&coc, stride, &Courses::new(&plan), Simd::Portable);
+        let reach = Reach::new(&coc, stride, &Courses::new(&plan), Simd::PORTABLE);
         let lines = plan.targets.iter().flat_map(|target| &target.gathered);
         for (i, line) in lines.enumerate() {
             for (x, y) in (24..72).flat_map(|y| (24..168).map(move |x| (x, y))) {

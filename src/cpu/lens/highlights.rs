@@ -9,7 +9,7 @@ use crate::scene::grid::{BLOCK, TILE};
 use rayon::prelude::*;
 
 /// What highlights are drawn in.
-pub struct Surroundings<'a> {
+pub struct HighlightPass<'a> {
     pub padded: &'a Padded,
     pub s_focus: f64,
     pub kernels: &'a Kernels,
@@ -111,11 +111,11 @@ impl Highlight {
     }
 
     /// Adds the part of the disc that lies in a tile.
-    fn draw(&self, around: &Surroundings, origin: (usize, usize), out: &mut TileColor) {
-        let pad = around.padded.padding.pad as i32;
+    fn draw(&self, pass: &HighlightPass, origin: (usize, usize), out: &mut TileColor) {
+        let pad = pass.padded.padding.pad as i32;
         // The highlight in the tile's coordinates; a pixel p sees it at the offset q - p of the kernel.
         let (qx, qy) = (self.x - pad - origin.0 as i32, self.y - pad - origin.1 as i32);
-        let kernel = around.kernels.get(kernels::key(self.t));
+        let kernel = pass.kernels.get(kernels::key(self.t));
         for row in &kernel.rows {
             let y = qy - row.dy;
             if !(0..TILE.1 as i32).contains(&y) {
@@ -123,16 +123,13 @@ impl Highlight {
             }
             let mut add = |x: i32, weight: f32| {
                 let l = [qx - x, row.dy].map(|d| f64::from(d) / self.t);
-                let visible = if self.hidden_in_part {
-                    self.visible_from(around.padded, around.s_focus, l)
-                } else {
-                    1.0
-                };
+                let visible =
+                    if self.hidden_in_part { self.visible_from(pass.padded, pass.s_focus, l) } else { 1.0 };
                 if visible == 0.0 {
                     return;
                 }
                 let weight = visible * weight;
-                let weight = match around.clip {
+                let weight = match pass.clip {
                     None => weight,
                     Some(clip) => {
                         let place = [origin.0 as f64 + f64::from(x), origin.1 as f64 + f64::from(y)];
@@ -172,9 +169,9 @@ fn steps_inside(cell: [i32; 2], slope: [f64; 2]) -> i32 {
 
 impl Highlights {
     /// Draws all that reaches tile number `tile`.
-    pub fn draw(&self, around: &Surroundings, tile: usize, origin: (usize, usize), out: &mut TileColor) {
+    pub fn draw(&self, pass: &HighlightPass, tile: usize, origin: (usize, usize), out: &mut TileColor) {
         for &i in &self.by_tile[tile] {
-            self.all[i as usize].draw(around, origin, out);
+            self.all[i as usize].draw(pass, origin, out);
         }
     }
 }

@@ -99,8 +99,7 @@ pub fn render(
     let gather =
         disc::Gather { size, colors: &colors[0], s: &front.s, s_focus, kernels: &kernels, simd, cancel };
 
-    let around =
-        highlights::Surroundings { padded: &padded, s_focus, kernels: &kernels, clip: clip.as_ref() };
+    let pass = highlights::HighlightPass { padded: &padded, s_focus, kernels: &kernels, clip: clip.as_ref() };
     let mut slots = split(out, size, TILE);
     slots.par_iter_mut().zip(&tiles).enumerate().with_max_len(TILES_AT_ONCE).try_for_each_init(
         || (Segments::default(), Sums::default(), TileColor::new(size.channels)),
@@ -123,10 +122,11 @@ pub fn render(
                         #[inline(always)]
                         || segments.trace(&start, samples),
                     );
-                    sweep::sweep(simd, &padded, segments, tile.origin, missed, color);
+                    // SAFETY: the segments have just been traced there.
+                    unsafe { sweep::sweep(simd, &padded, segments, tile.origin, missed, color) };
                 }
             }
-            highlights.draw(&around, i, tile.origin, color);
+            highlights.draw(&pass, i, tile.origin, color);
             for (y, row) in slot.rows.iter_mut().enumerate() {
                 with_channels!(size.channels, C => interleave(color.row::<C>(y), row));
             }

@@ -15,14 +15,14 @@ use crate::plan::lens::optical_vignetting::{PupilClip, Seen};
 use crate::plan::lens::ray::Ray;
 use crate::scene::depth_bounds::{DepthBits, any_bin};
 use crate::scene::grid::{BLOCK, TILE};
-use crate::simd::Simd;
+use crate::simd::{InstructionSet, Simd};
 
 /// Rows of a tile swept together.
 const ROWS: usize = 2;
 /// The most cells of a row that any instruction set handles at once.
 const MOST: usize = PART.0;
 
-/// A stretch of depth over which a sample's rays stay at one offset.
+/// An interval of depth over which a sample's rays stay at one offset.
 #[derive(Debug, Clone, Copy, Default)]
 struct Segment {
     /// From an output pixel to the cell, in padded cells.
@@ -151,7 +151,7 @@ impl Segments {
         let runs = runs(start.occupied);
         for sample in samples {
             if let Some(clip) = start.clip {
-                let Some(seen) = clip.sample(sample.pupil, start.origin) else { continue };
+                let Some(seen) = clip.pixels_seeing(sample.pupil, start.origin) else { continue };
                 self.seen.push(seen);
             }
             for &(first_bin, end_bin) in runs.iter().rev() {
@@ -430,18 +430,23 @@ macro_rules! by_channels {
 
 /// The sweep for an instruction set and a number of channels.
 fn sweep_for(simd: Simd, channels: usize) -> SweepFn {
-    let by_channels: [SweepFn; 4] = match simd {
-        Simd::Portable => by_channels!(portable),
+    let by_channels: [SweepFn; 4] = match simd.instruction_set() {
+        InstructionSet::Portable => by_channels!(portable),
         #[cfg(target_arch = "x86_64")]
-        Simd::Avx2 => by_channels!(avx2),
+        InstructionSet::Avx2 => by_channels!(avx2),
         #[cfg(target_arch = "x86_64")]
-        Simd::Avx512 => by_channels!(avx512),
+        InstructionSet::Avx512 => by_channels!(avx512),
     };
     by_channels[channels - 1]
 }
 
 /// Sweeps the tile at `origin` over all samples of `segments`.
-pub fn sweep(
+///
+/// # Safety
+///
+/// The segments were traced in `padded`, from the tile at `origin`: the padding is at least as wide as the largest shift
+/// plus the half pixel of a ray's start, so that every segment stays inside.
+pub unsafe fn sweep(
     simd: Simd,
     padded: &Padded,
     segments: &mut Segments,
@@ -450,7 +455,6 @@ pub fn sweep(
     out: &mut TileColor,
 ) {
     let sweep = sweep_for(simd, out.planes.len());
-    // SAFETY: `Simd` values come from `available`, which detects the instructions; the padding is at least as wide
-    // as the largest shift plus the half pixel of a ray's start, so that every segment stays inside.
+    // SAFETY: the instructions have been detected, or there were no such `Simd`; the rest is this function's contract.
     unsafe { sweep(padded, segments, origin, missed, out) }
 }

@@ -12,9 +12,9 @@ use crate::scene::edges::CONNECTED_PX;
 
 pub const REPLACE_COLORS: Shader = shader!("lens/replace_colors", [], [ReplaceParams, Replacement]);
 pub const WIDEN: Shader =
-    shader!("lens/widen", ["border", "lens/depth_spans", "lens/footprint"], [WidenParams, Footprint]);
+    shader!("lens/widen", ["mirror", "lens/depth_spans", "lens/footprint"], [WidenParams, Footprint]);
 pub const SHARPEN: Shader =
-    shader!("lens/sharpen", ["border", "lens/depth_spans", "lens/footprint"], [SharpenParams, Footprint]);
+    shader!("lens/sharpen", ["mirror", "lens/depth_spans", "lens/footprint"], [SharpenParams, Footprint]);
 
 shared! {
     /// Of cells that get another colour.

@@ -10,7 +10,7 @@ use crate::plan::lens::disc::APART;
 use crate::plan::lens::kernels::{COARSE, FINE, SMALL_PX};
 
 pub const SUM_ROWS: Shader = shader!("lens/sum_rows", [], [SumParams]);
-pub const DISC: Shader = shader!("lens/disc", ["border", "lens/kernels"], [DiscParams, Tile]);
+pub const DISC: Shader = shader!("lens/disc", ["mirror", "lens/kernels"], [DiscParams, Tile]);
 
 shared! {
     /// Of running sums.

@@ -10,7 +10,7 @@ use crate::scene::grid::TILE;
 /// takes so long that a driver ends it, and llvmpipe, which silently leaves all loops after 65535 turns, never does.
 pub const MAX_LOOPS: usize = 40_000;
 /// Rows of a tile that one workgroup has, a pixel for each invocation.
-const GROUP_ROWS: usize = 4;
+pub const GROUP_ROWS: usize = 4;
 
 /// Workgroups that cover some tiles.
 pub fn per_pixel(tiles: usize) -> [u32; 3] {

@@ -13,7 +13,7 @@ use crate::scene::grid::BLOCK;
 
 pub const HIGHLIGHTS: Shader = shader!(
     "lens/highlights",
-    ["border", "lens/depth_spans", "lens/kernels", "lens/optical_vignetting"],
+    ["mirror", "lens/depth_spans", "lens/kernels", "lens/optical_vignetting"],
     [HighlightsParams, Highlight, Tile, SecondStop]
 );
 

@@ -23,9 +23,9 @@ shared! {
 }
 
 /// Stands for the shift of an empty cell, because shaders need not know of NaN.
-const NOWHERE: f32 = 1e30;
+pub const NOWHERE: f32 = 1e30;
 /// Stands for the connectivity of a layer that has none.
-const NO_CONNECTIVITY: u8 = 128;
+pub const NO_CONNECTIVITY: u8 = 128;
 /// Values that one worker converts at a time.
 const CHUNK: usize = 1 << 14;
 

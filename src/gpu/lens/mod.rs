@@ -5,7 +5,7 @@
 
 pub(super) mod colors;
 pub(super) mod disc;
-mod frame;
+pub(super) mod frame;
 pub(super) mod highlights;
 mod kernels;
 pub(super) mod layered;
@@ -26,21 +26,20 @@ use crate::plan::lens::footprint::REACHES;
 use crate::plan::lens::highlights::{Highlights, extract};
 use crate::plan::lens::optical_vignetting::PupilClip;
 use crate::plan::lens::tiles::Work;
-use crate::plan::lens::{Plan, Settings};
+use crate::plan::lens::{Plan, Settings, reach_px};
 use crate::scene::grid::{BLOCK, TILE};
 use crate::scene::layered::LayeredScene;
 use crate::simd::Simd;
 use frame::{LensFrame, origin, per_pixel};
 use kernels::Kernels;
 
-pub const COPY: Shader = shader!("lens/copy", ["border", "picture"], [CopyParams]);
+pub const COPY: Shader = shader!("lens/copy", ["mirror", "picture"], [CopyParams]);
 
 shared! {
     /// Of tiles that are copied.
     struct CopyParams {
         size: [u32; 2],
         layers: u32,
-        _end: u32,
     }
 }
 
@@ -57,7 +56,7 @@ pub struct Input<'a> {
 /// are widened by what all [`REACHES`] are together, and highlights told by the blocks around them.
 pub fn requirements(scene: &LayeredScene, optics: &Optics) -> Requirements {
     let s_focus = optics.k * optics.d_focus;
-    let reach_px = (scene.shifts.0 - s_focus).abs().max((scene.shifts.1 - s_focus).abs());
+    let reach_px = reach_px(scene, s_focus);
     let beyond = REACHES.iter().sum::<usize>() + 4 * BLOCK;
     let bytes_per_px = size_of::<[f32; 4]>() * scene.layers.len();
     Requirements {
@@ -110,7 +109,7 @@ fn copy(commands: &mut Commands, picture: &GpuPicture, plan: &Plan, out: &wgpu::
     if origins.is_empty() {
         return Ok(());
     }
-    let params = CopyParams { size: pixels(picture.size), layers: picture.layers as u32, _end: 0 };
+    let params = CopyParams { size: pixels(picture.size), layers: picture.layers as u32 };
     let tiles = commands.gpu.upload("the tiles in focus", &origins)?;
     let buffers = [Read(&picture.color), Read(&picture.disparity), Read(&tiles), Write(out)];
     commands.pass(&COPY, picture.size.channels, &params, &buffers, per_pixel(origins.len()))

@@ -17,13 +17,13 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 pub const SWEEP: Shader =
-    shader!("lens/sweep", ["border", "lens/depth_spans"], [SweepParams, Tile, LensSample, Segment]);
+    shader!("lens/sweep", ["mirror", "lens/depth_spans"], [SweepParams, Tile, LensSample, Segment]);
 
 /// Rows of a tile that one workgroup sweeps.
-const ROWS: usize = 16;
-/// Lens samples whose stretches a workgroup looks at together.
-const BATCH: usize = 64;
-/// Stretches of a sample that hold cells near a tile, more or less.
+pub const ROWS: usize = 16;
+/// Lens samples whose segments a workgroup looks at together.
+pub const BATCH: usize = 64;
+/// Segments of a sample that hold cells near a tile, more or less.
 const FOLLOWED: usize = 20;
 
 shared! {
@@ -36,7 +36,6 @@ shared! {
         missed: u32,
         first_sample: u32,
         end_sample: u32,
-        _end: u32,
     }
 }
 
@@ -68,18 +67,18 @@ shared! {
     }
 }
 
-/// DepthSpans as words of 32 bits.
+/// Depths as words of 32 bits.
 fn depth_words(bits: &DepthBits) -> [u32; 8] {
     std::array::from_fn(|i| (bits[i / 2] >> (32 * (i % 2))) as u32)
 }
 
-/// The stretches of a ray through all depths, near to far: while its shift stays within one pixel, it meets cells at one
+/// The segments of a ray through all depths, near to far: while its shift stays within one pixel, it meets cells at one
 /// and the same offset from the pixel that it starts from.
 struct Trace {
     /// Cells that the ray passes a unit of depth, in front of the focus and behind it.
     slopes: [[f32; 2]; 2],
-    /// The stretches in front, then those behind.
-    stretches: Vec<Segment>,
+    /// The segments in front, then those behind.
+    segments: Vec<Segment>,
     /// How many of them are in front.
     in_front: usize,
 }
@@ -87,17 +86,17 @@ struct Trace {
 impl Trace {
     fn new(codes: &DepthCodes, s_focus: f64, sample: &lens_samples::LensSample) -> Trace {
         let rays = [sample.in_front, sample.behind].map(|lens| Ray::new(codes, s_focus, lens, sample.start));
-        let mut stretches = Vec::new();
+        let mut segments = Vec::new();
         let mut traverse = |ray: &Ray, near: usize, far: usize| {
             ray.traverse(near, far, |cell, from, to| {
                 let offset = cell.map(|v| (v as i16).cast_unsigned());
-                stretches.push(Segment {
+                segments.push(Segment {
                     cell: u32::from(offset[0]) | u32::from(offset[1]) << 16,
                     codes: from as u32 | (to as u32) << 16,
                     base: ray.base_from(cell),
                 });
             });
-            stretches.len()
+            segments.len()
         };
         let (nearest, farthest) = (usize::from(u16::MAX), 1);
         // At the focus all rays are where they start, so that one may go on as another.
@@ -106,7 +105,7 @@ impl Trace {
         let focus = focus.clamp(farthest as f64, nearest as f64) as usize;
         let in_front = traverse(&rays[0], nearest, focus);
         traverse(&rays[1], focus, farthest);
-        Trace { slopes: rays.map(|ray| ray.slope.map(|v| v as f32)), stretches, in_front }
+        Trace { slopes: rays.map(|ray| ray.slope.map(|v| v as f32)), segments, in_front }
     }
 }
 
@@ -120,13 +119,13 @@ fn columns(clip: &PupilClip, sample: &lens_samples::LensSample, size: Size) -> V
     (0..size.height.next_multiple_of(4)).map(of_row).collect()
 }
 
-/// The ways of all samples.
+/// The traces of all samples.
 struct Traces {
-    /// Lens samples, then stretches, then the columns that see each sample.
+    /// Lens samples, then segments, then the columns that see each sample.
     words: Vec<[u32; 4]>,
     /// For each number of samples the first one.
     first_samples: BTreeMap<usize, u32>,
-    /// The most stretches that any sample has.
+    /// The most segments that any sample has.
     longest: usize,
 }
 
@@ -134,16 +133,17 @@ impl Traces {
     fn new(codes: &DepthCodes, plan: &Plan, clip: Option<&PupilClip>, size: Size) -> Traces {
         const OF_SAMPLE: usize = size_of::<LensSample>() / size_of::<[u32; 4]>();
         let total = OF_SAMPLE * plan.sample_sets.values().map(Vec::len).sum::<usize>();
-        let (mut samples, mut stretches) = (Vec::new(), Vec::new());
+        let (mut samples, mut segments) = (Vec::new(), Vec::new());
         let (mut first_samples, mut longest) = (BTreeMap::new(), 0);
         for (&count, set) in &plan.sample_sets {
             first_samples.insert(count, samples.len() as u32);
-            let ways: Vec<_> = set.par_iter().map(|sample| Trace::new(codes, plan.s_focus, sample)).collect();
-            for Trace { slopes: [in_front, behind], stretches: way, in_front: nearer } in ways {
-                longest = longest.max(way.len());
-                let first = (total + stretches.len()) as u32;
-                let (focus, end) = (first + nearer as u32, first + way.len() as u32);
-                stretches.extend(way);
+            let traces: Vec<_> =
+                set.par_iter().map(|sample| Trace::new(codes, plan.s_focus, sample)).collect();
+            for Trace { slopes: [in_front, behind], segments: trace, in_front: nearer } in traces {
+                longest = longest.max(trace.len());
+                let first = (total + segments.len()) as u32;
+                let (focus, end) = (first + nearer as u32, first + trace.len() as u32);
+                segments.extend(trace);
                 samples.push(LensSample { in_front, behind, first, focus, end, columns: 0 });
             }
         }
@@ -151,15 +151,15 @@ impl Traces {
             let all: Vec<_> = plan.sample_sets.values().flatten().collect();
             all.into_par_iter().map(|sample| columns(clip, sample, size)).collect()
         });
-        let first_columns = total + stretches.len();
+        let first_columns = total + segments.len();
         for (i, (sample, columns)) in samples.iter_mut().zip(&seen).enumerate() {
             sample.columns = (first_columns + i * columns.len() / 4) as u32;
         }
         let samples = bytemuck::cast_slice::<LensSample, [u32; 4]>(&samples);
-        let stretches = bytemuck::cast_slice::<Segment, [u32; 4]>(&stretches);
+        let segments = bytemuck::cast_slice::<Segment, [u32; 4]>(&segments);
         let seen = seen.concat();
         let seen = bytemuck::cast_slice::<u32, [u32; 4]>(&seen);
-        Traces { words: [samples, stretches, seen].concat(), first_samples, longest }
+        Traces { words: [samples, segments, seen].concat(), first_samples, longest }
     }
 }
 
@@ -167,7 +167,7 @@ impl Traces {
 pub fn pass(commands: &mut Commands, frame: &LensFrame, drawn: &wgpu::Buffer) -> Result<()> {
     let LensFrame { cells, codes, plan, clip, picture } = *frame;
     let gpu = commands.gpu;
-    let Traces { words: paths, first_samples, longest } = Traces::new(codes, plan, clip, cells.size);
+    let Traces { words: traces, first_samples, longest } = Traces::new(codes, plan, clip, cells.size);
     let tile = |tile: &tiles::Tile| match &tile.work {
         Work::Sweep { samples, occupied } => Some(Tile {
             origin: origin(tile.origin),
@@ -188,10 +188,9 @@ pub fn pass(commands: &mut Commands, frame: &LensFrame, drawn: &wgpu::Buffer) ->
         missed: plan.missed as u32,
         first_sample: 0,
         end_sample: 0,
-        _end: 0,
     };
     let groups = [tiles.len() as u32, TILE.1.div_ceil(ROWS) as u32, 1];
-    let paths = gpu.upload("the ways of the samples", &paths)?;
+    let traces = gpu.upload("the traces of the samples", &traces)?;
     let tiles = gpu.upload("the tiles that are swept", &tiles)?;
     let windows = gpu.upload("the depths around tiles", &windows)?;
     let left_out = commands.scratch::<f32>("the samples that do not count", cells.size.pixels())?;
@@ -199,13 +198,13 @@ pub fn pass(commands: &mut Commands, frame: &LensFrame, drawn: &wgpu::Buffer) ->
         Read(&cells.codes),
         Read(drawn),
         Read(&cells.half_planes),
-        Read(&paths),
+        Read(&traces),
         Read(&tiles),
         Read(&windows),
         Write(&left_out),
         Write(picture),
     ];
-    // An invocation looks at all stretches of one sample of each batch, and follows all its samples.
+    // An invocation looks at all segments of one sample of each batch, and follows all its samples.
     let loops_a_batch = longest * (2 + 2 * cells.layers) + BATCH * FOLLOWED * (1 + cells.layers);
     let at_once = (MAX_LOOPS / loops_a_batch).max(1) * BATCH;
     let most = plan.sample_sets.keys().copied().max().unwrap_or(0);

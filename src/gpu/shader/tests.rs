@@ -1,9 +1,17 @@
 use super::Shader;
+use crate::gpu::commands::GROUP;
 use crate::gpu::{
     by_focus, falloff, gaussian, hexagonal, lens, levels, magnify, poisson, resolve, sprites, taps,
 };
+use crate::optics::Measure;
+use crate::plan::lens::Missed;
+use crate::plan::poisson::LeakTest;
+use crate::plan::taps::Mix;
+use crate::scene::edges;
+use crate::scene::grid::TILE;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
-use naga::{Module, TypeInner, front::wgsl};
+use naga::{Expression, Literal, Module, TypeInner, front::wgsl};
+use std::collections::BTreeSet;
 use std::path::Path;
 
 /// Every shader there is.
@@ -103,9 +111,70 @@ fn structures_lie_as_in_rust() {
             let fields = layout.fields.iter().filter(|(field, _)| !field.starts_with('_'));
             let rust: Vec<_> = fields.map(|&(field, offset)| (field.to_owned(), offset)).collect();
             assert_eq!(wgsl, rust, "{}: {}", shader.name, layout.name);
-            assert_eq!((*span as usize).next_multiple_of(4), layout.size, "{}: {}", shader.name, layout.name);
+            // Parameters are rounded up to 16 bytes when they are uploaded.
+            let size = if name == "Params" { layout.size.next_multiple_of(16) } else { layout.size };
+            let fits = if name == "Params" { *span as usize <= size } else { *span as usize == size };
+            assert!(fits, "{}: {} has {span} bytes, {size} in Rust", shader.name, layout.name);
         }
     }
+}
+
+/// The constants that shaders and Rust both state: a part of the shader's name, the constant, and Rust's value.
+const STATED_TWICE: [(&str, &str, f64); 14] = [
+    ("levels/filter", "GROUP", GROUP as f64),
+    ("lens/", "NOWHERE", lens::layered::NOWHERE as f64),
+    ("lens/sharpen", "NO_CONNECTIVITY", lens::layered::NO_CONNECTIVITY as f64),
+    ("lens/sharpen", "RIGHT", edges::RIGHT as f64),
+    ("lens/sharpen", "DOWN", edges::DOWN as f64),
+    ("lens/sharpen", "EDGE", edges::EDGE as f64),
+    ("lens/sweep", "MISSED_NOTHING", Missed::Nothing as u32 as f64),
+    ("lens/sweep", "BATCH", lens::sweep::BATCH as f64),
+    ("lens/sweep", "ROWS", (lens::sweep::ROWS / lens::frame::GROUP_ROWS) as f64),
+    ("taps", "MIX_BOTH", Mix::Both as u32 as f64),
+    ("", "SHIFT", Measure::Shift as u32 as f64),
+    ("poisson", "LEAK_TEST_ON", LeakTest::On as u32 as f64),
+    ("sprites/", "IN_FRONT", sprites::Depth::InFront as u32 as f64),
+    ("sprites/", "BEHIND", sprites::Depth::Behind as u32 as f64),
+];
+/// The constants that shaders alone know of.
+const OF_SHADERS: [&str; 9] =
+    ["CAPACITY", "CORNERS", "FARTHEST", "LEAST_TOTAL", "MARGIN", "NO_CELL", "SIDE", "TAU", "THREADS"];
+
+/// Threads of a shader's workgroups along each axis, as the passes count on.
+fn threads(shader: &str) -> [u32; 3] {
+    let [width, height] = match shader {
+        "lens/copy" | "lens/disc" | "lens/sweep" | "lens/highlights" => [TILE.0, lens::frame::GROUP_ROWS],
+        "sprites/count" | "sprites/append" | "sprites/offsets" | "sprites/rest" => [sprites::CHUNK, 1],
+        "lens/sum_rows" => [256, 1],
+        // No compute shaders.
+        "sprites/place" | "sprites/weigh" => return [0; 3],
+        _ => [GROUP, GROUP],
+    };
+    [width as u32, height as u32, 1]
+}
+
+#[test]
+fn constants_and_workgroups_are_as_in_rust() {
+    let mut compared = BTreeSet::new();
+    for shader in &SHADERS {
+        let (module, _) = validated(shader);
+        assert_eq!(module.entry_points[0].workgroup_size, threads(shader.name), "{}", shader.name);
+        for (_, constant) in module.constants.iter() {
+            let name = constant.name.as_deref().unwrap();
+            let value = match module.global_expressions[constant.init] {
+                Expression::Literal(Literal::U32(v)) => f64::from(v),
+                Expression::Literal(Literal::F32(v)) => f64::from(v),
+                ref other => panic!("{}: {name} is {other:?}", shader.name),
+            };
+            let stated = |&&(part, of, _): &&(&str, &str, f64)| shader.name.contains(part) && of == name;
+            match STATED_TWICE.iter().find(stated) {
+                Some((_, _, rust)) => assert_eq!(value, *rust, "{}: {name}", shader.name),
+                None => assert!(OF_SHADERS.contains(&name), "{}: {name} is on no list", shader.name),
+            }
+            compared.insert(name.to_owned());
+        }
+    }
+    assert!(STATED_TWICE.iter().all(|(_, name, _)| compared.contains(*name)), "{compared:?}");
 }
 
 #[test]

@@ -23,43 +23,43 @@ use table::{Sprite, boundaries};
 
 pub const COUNT: Shader = shader!(
     "sprites/count",
-    ["border", "picture", "defocus", "sprites/circles", "sprites/points"],
+    ["mirror", "picture", "defocus", "sprites/circles", "sprites/points"],
     [Params, Sprite, Defocus]
 );
 pub const OFFSETS: Shader = shader!("sprites/offsets", [], [OffsetParams]);
 pub const APPEND: Shader = shader!(
     "sprites/append",
-    ["border", "picture", "defocus", "sprites/circles", "sprites/points"],
+    ["mirror", "picture", "defocus", "sprites/circles", "sprites/points"],
     [Params, Sprite, Point, Defocus]
 );
 pub const PLACE: Shader = shader!(
     "sprites/place",
-    ["border", "picture", "defocus", "sprites/circles", "sprites/points", "sprites/quad"],
+    ["mirror", "picture", "defocus", "sprites/circles", "sprites/points", "sprites/quad"],
     [Params, Sprite, Point, Defocus]
 );
 pub const WEIGH: Shader = shader!("sprites/weigh", ["sprites/quad"], []);
 pub const GATHER: Shader = shader!(
     "sprites/gather",
-    ["border", "picture", "defocus", "sprites/circles", "sprites/points"],
+    ["mirror", "picture", "defocus", "sprites/circles", "sprites/points"],
     [Params, Sprite, Defocus]
 );
 pub const BEHIND: Shader = shader!(
     "sprites/behind",
-    ["border", "picture", "defocus", "sprites/circles", "sprites/light"],
+    ["mirror", "picture", "defocus", "sprites/circles", "sprites/light"],
     [Params, Defocus]
 );
 pub const REST: Shader =
-    shader!("sprites/rest", ["border", "picture", "defocus", "sprites/circles"], [Params, Defocus]);
+    shader!("sprites/rest", ["mirror", "picture", "defocus", "sprites/circles"], [Params, Defocus]);
 pub const IN_FRONT: Shader = shader!(
     "sprites/in_front",
-    ["border", "picture", "defocus", "sprites/circles", "sprites/light"],
+    ["mirror", "picture", "defocus", "sprites/circles", "sprites/light"],
     [Params, Defocus]
 );
 
 const DRAW: Draw = Draw { name: "sprites/draw", vertex: &PLACE, fragment: &WEIGH };
 
 /// Points of one workgroup.
-const CHUNK: usize = 256;
+pub const CHUNK: usize = 256;
 /// Workgroups to a row of them; a device may have 65535.
 const MOST_ACROSS: usize = 1 << 14;
 /// Pixels that one pass of [`GATHER`] looks at, at most.
@@ -83,7 +83,6 @@ shared! {
         max_coc_px: f32,
         _gap: [u32; 2],
         shift: Defocus,
-        _end: u32,
     }
 }
 
@@ -117,7 +116,7 @@ impl Light {
 
 /// A layer that sprites are drawn into.
 #[derive(Debug, Clone, Copy)]
-enum Depth {
+pub enum Depth {
     InFront = 0,
     Behind = 1,
 }
@@ -171,7 +170,6 @@ pub fn render(
         max_coc_px: settings.max_coc_px() as f32,
         _gap: [0; 2],
         shift: optics.defocus(Measure::Shift, 1.0).into(),
-        _end: 0,
     };
     let boundaries = gpu.upload("the boundaries between steps", &boundaries)?;
     let points = Points { scene, table, boundaries, params, reach };

@@ -4,7 +4,9 @@
 //! so sparse that the places they draw a cell at come apart, cells are widened along their own surface instead, so
 //! that texture finer than the lens points does not turn into noise.
 
-/// Standard deviation of a cell's footprint as a fraction of the distance between the places it is drawn at.
+/// Standard deviation of a cell's footprint as a fraction of the distance between the places it is drawn at. Gaussians
+/// of deviation `sigma` on a lattice of unit spacing leave a ripple of `2 exp(-2 pi^2 sigma^2)`: 18 % here, of what is
+/// left of a texture. A wider footprint ripples less (1.4 % at 0.5), and blurs more than the lens does.
 const FOOTPRINT: f32 = 0.35;
 /// The footprint table's entries per pixel of shift.
 pub const STEPS_PER_PX: f32 = 8.0;

@@ -2,7 +2,9 @@
 
 use crate::aperture::{Aperture, Side};
 
-/// Samples that a tile gets for every pixel of the area of its largest disc.
+/// Samples that a tile gets for every pixel of the area of its largest disc. Neighbouring samples draw a point at places
+/// `1 / sqrt(0.4) = 1.6` pixels apart, which a [footprint](super::footprint) of 0.55 pixels bridges: twice the deviation
+/// of a pixel, `1 / sqrt(12)`.
 const SAMPLES_PER_PIXEL: f64 = 0.4;
 /// Numbers of samples to choose from: the noise of too few, and the time of too many, are both bounded.
 const COUNTS: [usize; 7] = [64, 96, 128, 192, 256, 384, 512];

@@ -63,6 +63,11 @@ pub enum Missed {
     Nothing = 1,
 }
 
+/// The largest shift of any cell, in front of the focus plane or behind.
+pub fn reach_px(scene: &LayeredScene, s_focus: f64) -> f64 {
+    (scene.shifts.0 - s_focus).abs().max((scene.shifts.1 - s_focus).abs())
+}
+
 /// The plan of one render.
 pub struct Plan {
     /// Shift of the focus relative to infinity.
@@ -91,7 +96,7 @@ impl Plan {
             settings.samples.unwrap_or_else(|| lens_samples::count_for(radius_px / supersample as f64))
         };
         let area = settings.aperture.relative_area();
-        let reach_px = (scene.shifts.0 - s_focus).abs().max((scene.shifts.1 - s_focus).abs());
+        let reach_px = reach_px(scene, s_focus);
         let padding = Padding::new(scene.size.width, scene.size.height, reach_px);
         let bounds = padded_bounds::padded(&scene.bounds, &padding);
         let inputs = tiles::Inputs {

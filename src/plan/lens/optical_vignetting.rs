@@ -7,7 +7,6 @@
 use crate::aperture::Aperture;
 use crate::optics::SecondStop;
 use crate::scene::grid::TILE;
-use rayon::prelude::*;
 use std::f64::consts::TAU;
 
 /// Distances of the two stops, up to that at which nothing is open, and directions, for which the open part is counted.
@@ -28,19 +27,40 @@ pub struct PupilClip {
 /// Which pixels of a tile see a sample, a bit for each pixel of a row.
 pub type Seen = [u64; TILE.1];
 
+/// The part of the points that lies within a unit disc, as the disc moves along a direction from 0 to 2.
+///
+/// The disc covers point `l` while `|l - a u| <= 1`: between the roots of `a^2 - 2 a (l . u) + |l|^2 - 1`. So each point
+/// is counted once, where it comes in and where it goes out, and not for every distance.
+fn open_parts(points: &[[f64; 2]], u: [f64; 2]) -> [f64; DISTANCES + 1] {
+    const PER_UNIT: f64 = DISTANCES as f64 / 2.0;
+    let mut changes = [0i32; DISTANCES + 2];
+    for l in points {
+        let along = l[0] * u[0] + l[1] * u[1];
+        let root = (along * along - (l[0] * l[0] + l[1] * l[1] - 1.0)).sqrt();
+        let first = ((along - root).max(0.0) * PER_UNIT).ceil();
+        let last = ((along + root).min(2.0) * PER_UNIT).floor();
+        // Without a root, both are NaN.
+        if first <= last {
+            changes[first as usize] += 1;
+            changes[last as usize + 1] -= 1;
+        }
+    }
+    let mut covered = 0;
+    std::array::from_fn(|i| {
+        covered += changes[i];
+        f64::from(covered) / points.len() as f64
+    })
+}
+
 impl PupilClip {
     /// The second stop of a lens before its opening.
     pub fn new(second_stop: SecondStop, aperture: &Aperture) -> PupilClip {
         let points = aperture.pupil_points(POINTS);
-        let open = |direction: usize| {
+        let open = (0..DIRECTIONS).map(|direction| {
             let (sin, cos) = (TAU * direction as f64 / DIRECTIONS as f64).sin_cos();
-            std::array::from_fn(|i| {
-                let apart = 2.0 * i as f64 / DISTANCES as f64;
-                let seen = points.iter().filter(|l| (l[0] - apart * cos).hypot(l[1] - apart * sin) <= 1.0);
-                seen.count() as f64 / POINTS as f64
-            })
-        };
-        let open = (0..DIRECTIONS).into_par_iter().map(open).collect();
+            open_parts(&points, [cos, sin])
+        });
+        let open = open.collect();
         PupilClip { second_stop, aperture: aperture.clone(), open }
     }
 
@@ -72,7 +92,7 @@ impl PupilClip {
 
     /// Which pixels of the tile at `origin` see the opening at `pupil`, if any do: those `p` with `|pupil - c(p)| <=
     /// 1`. As `c` is linear, in every row a stretch.
-    pub fn sample(&self, pupil: [f64; 2], origin: (usize, usize)) -> Option<Seen> {
+    pub fn pixels_seeing(&self, pupil: [f64; 2], origin: (usize, usize)) -> Option<Seen> {
         let SecondStop { centre, per_px } = self.second_stop;
         // The pixel whose stop is centred on the point, from the tile's first, and the reach of that pixel.
         let middle = [0, 1].map(|i| {
@@ -150,11 +170,29 @@ mod tests {
     }
 
     #[test]
+    fn the_open_part_counts_the_points_inside_the_second_stop() {
+        let hexagon = Aperture::new(6, 10.0, None).unwrap();
+        for points in
+            [hexagon.pupil_points(500), Aperture::DISC.pupil_points(500), vec![[1.5, 0.0], [0.0, -1.2]]]
+        {
+            for turn in 0..7 {
+                let (sin, cos) = f64::from(turn).sin_cos();
+                let counted: [f64; DISTANCES + 1] = std::array::from_fn(|i| {
+                    let apart = 2.0 * i as f64 / DISTANCES as f64;
+                    let inside = |l: &&[f64; 2]| (l[0] - apart * cos).hypot(l[1] - apart * sin) <= 1.0;
+                    points.iter().filter(inside).count() as f64 / points.len() as f64
+                });
+                assert_eq!(open_parts(&points, [cos, sin]), counted);
+            }
+        }
+    }
+
+    #[test]
     fn pixels_of_a_tile_see_what_the_formula_says() {
         let clip = clip();
         for origin in [(0, 0), (128, 96), (256, 160)] {
             for pupil in Aperture::DISC.lens_points(256, Side::Behind) {
-                let rows = clip.sample(pupil, origin).unwrap_or([0; TILE.1]);
+                let rows = clip.pixels_seeing(pupil, origin).unwrap_or([0; TILE.1]);
                 for (x, y) in (0..TILE.1).flat_map(|y| (0..TILE.0).map(move |x| (x, y))) {
                     let c = clip.second_stop.stop((origin.0 + x) as f64, (origin.1 + y) as f64);
                     let apart = (pupil[0] - c[0]).hypot(pupil[1] - c[1]);

@@ -73,7 +73,7 @@ fn run(u: &mut Unstructured) -> std::result::Result<(), Refused> {
         }
         let depth: Vec<f32> = (0..pixels).map(|i| distance(depths[i % depths.len()])).collect();
         let disparity = disparity_plane(&depth, size.width, kind, frame.rays(&lens), invalid)?;
-        planes.push(Layer { color: Arc::new(color.as_slice().into()), disparity });
+        planes.push(Layer::new(Arc::new(color.as_slice().into()), disparity));
     }
     let radii = planes.iter().map(|layer: &Layer| imaging.optics.largest_radius_px(layer.disparity_range()));
     if radii.fold(0.0, f64::max) > WIDEST_PX && matches!(method, Method::Lens(_)) {
@@ -93,7 +93,7 @@ fn run(u: &mut Unstructured) -> std::result::Result<(), Refused> {
     assert!(dark < 0.0 || out.iter().all(|v| *v >= 0.0), "negative light");
     if u.arbitrary()? {
         let bits = |out: &[f32]| out.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
-        assert_eq!(bits(&out), bits(&render(Simd::Portable)?), "instruction sets differ");
+        assert_eq!(bits(&out), bits(&render(Simd::PORTABLE)?), "instruction sets differ");
     }
     Ok(())
 }

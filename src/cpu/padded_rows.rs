@@ -9,7 +9,7 @@ pub const BLOCK: usize = 64;
 
 /// Some rows of planes with a mirrored margin around them, so that a filter may read around any pixel without asking.
 /// It is small enough to stay in a worker's cache, and is filled again for one band of rows after another.
-pub struct Window {
+pub struct PaddedRows {
     size: Size,
     margin: usize,
     /// Values from one row to the next.
@@ -23,16 +23,16 @@ pub struct Window {
     beyond: Vec<(usize, usize)>,
 }
 
-impl Window {
+impl PaddedRows {
     /// A window on `size.channels` planes, up to `rows` rows of a frame, and at least `margin` pixels around them.
-    pub fn new(size: Size, rows: usize, margin: usize) -> Window {
+    pub fn new(size: Size, rows: usize, margin: usize) -> PaddedRows {
         let stride = size.width.next_multiple_of(BLOCK) + 2 * margin;
         let area = (rows + 2 * margin) * stride;
         let beyond = (0..margin)
             .chain(margin + size.width..stride)
             .map(|px| (px, margin + mirrored(px as i64 - margin as i64, size.width).0))
             .collect();
-        Window { size, margin, stride, area, first: 0, values: vec![0.0; size.channels * area], beyond }
+        PaddedRows { size, margin, stride, area, first: 0, values: vec![0.0; size.channels * area], beyond }
     }
 
     /// Moves the window to `rows` rows from `first` on; `read(plane, y, row)` gives those of the frame.
@@ -85,7 +85,7 @@ mod tests {
     #[test]
     fn windows_continue_the_picture_as_its_mirror_image() {
         let size = Size { width: 3, height: 5, channels: 2 };
-        let mut window = Window::new(size, 2, 7);
+        let mut window = PaddedRows::new(size, 2, 7);
         for (first, rows) in [(2, 2), (4, 1)] {
             window.fill(first, rows, |plane, y, row| {
                 row.iter_mut().enumerate().for_each(|(x, v)| *v = (100 * plane + 10 * y + x) as f32);
