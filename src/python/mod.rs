@@ -1,15 +1,21 @@
 //! The Python module: arguments are read and checked here, once, and become the core's types.
 
 mod aperture;
-mod arrays;
+mod coc;
+mod color;
+mod depth;
 mod devices;
 mod errors;
 mod files;
+mod frame;
+mod input;
 mod lens;
 mod methods;
 mod output;
 mod render;
 mod run;
+mod samples;
+mod scene;
 
 use pyo3::prelude::*;
 
@@ -21,6 +27,8 @@ pub mod _dofsim {
     #[pymodule_export]
     use super::aperture::PyAperture;
     #[pymodule_export]
+    use super::coc::coc;
+    #[pymodule_export]
     use super::devices::{PyDevice, devices, restrict_devices, uploaded_bytes};
     #[pymodule_export]
     use super::errors::DeviceError;
@@ -30,13 +38,17 @@ pub mod _dofsim {
         write_bytes, write_exr, write_pfm, write_png, write_tiff,
     };
     #[pymodule_export]
-    use super::lens::{PyLens, sensors};
+    use super::lens::PyLens;
+    #[pymodule_export]
+    use super::lens::cameras::sensors;
     #[pymodule_export]
     use super::methods::methods_available;
     #[pymodule_export]
-    use super::render::{PyScene, coc, render};
+    use super::render::render;
     #[pymodule_export]
     use super::run::simd_available;
+    #[pymodule_export]
+    use super::scene::PyScene;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -1,6 +1,6 @@
 //! Where a lens is focused: on pixels, on what is nearest, on a mask, on a plane.
 
-use super::super::arrays::{DepthWords, SeenDepth, read_seen_depth};
+use super::super::depth::{DepthWords, SeenDepth, read_seen_depth};
 use super::PyLens;
 use crate::error::{Result, value_error};
 use crate::optics::Lens;

@@ -1,10 +1,9 @@
 //! `dofsim.Lens`: its own words here, other cameras' in [`cameras`], and where it is focused in [`focus`].
 
-mod cameras;
+pub mod cameras;
 mod focus;
 mod reading;
 
-pub use cameras::sensors;
 pub use reading::{blender_words, is_path, number};
 
 use super::errors::choice;
