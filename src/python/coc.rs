@@ -3,8 +3,11 @@
 use super::depth::{DepthWords, read_depth, read_depth_kind, read_invalid};
 use super::lens::PyLens;
 use super::run::installed;
+use crate::cancel::Cancel;
+use crate::cpu::rows::render_rows;
 use crate::depth::disparity_plane;
-use crate::optics;
+use crate::optics::{Frame, Imaging};
+use crate::picture::Size;
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
 
@@ -50,18 +53,35 @@ pub fn coc<'py>(
     let kind = read_depth_kind(&DepthWords { depth_kind, near, far }, &lens.core)?;
     let invalid = read_invalid(invalid)?;
     let planes = read_depth(depth)?;
-    let size = (planes.width, planes.height);
-    let frame = optics::Frame::plain(size.0, size.1);
+    let size = Size { width: planes.width, height: planes.height, channels: 1 };
+    let frame = Frame::plain(size.width, size.height);
     let (imaging, rays) = (frame.imaging(&lens.core)?, frame.rays(&lens.core));
-    let mut radius = Vec::with_capacity(size.0 * size.1 * planes.planes.len());
-    for plane in &planes.planes {
-        let disparity = installed(|| disparity_plane(plane, size.0, kind, rays, invalid))??;
-        // Adding zero turns the negative zero of the focus plane into a plain one.
-        radius.extend(disparity.iter().enumerate().map(|(i, &d)| {
-            let offset = imaging.surface.offset((i % size.0) as f64, (i / size.0) as f64);
-            (0.0 - imaging.optics.shift_px(f64::from(d) - offset)) as f32 + 0.0
-        }));
+    let mut radii = vec![0.0; size.pixels() * planes.planes.len()];
+    for (plane, radii) in planes.planes.iter().zip(radii.chunks_mut(size.pixels())) {
+        installed(|| {
+            let disparity = disparity_plane(plane, size.width, kind, rays, invalid)?;
+            render_rows(
+                radii,
+                size,
+                &Cancel::default(),
+                || (),
+                |(), y, radii| {
+                    let disparity = &disparity[y * size.width..][..size.width];
+                    for (x, (radius, d)) in radii.iter_mut().zip(disparity).enumerate() {
+                        *radius = radius_px(&imaging, x, y, *d);
+                    }
+                },
+            )
+        })??;
     }
     let shape: Vec<usize> = depth.getattr("shape")?.extract()?;
-    Ok(PyArray1::from_vec(py, radius).reshape(shape)?.into_any())
+    Ok(PyArray1::from_vec(py, radii).reshape(shape)?.into_any())
+}
+
+/// The signed radius in pixels with which pixel (x, y) sees a point of this disparity, positive behind the focus.
+fn radius_px(imaging: &Imaging, x: usize, y: usize, disparity: f32) -> f32 {
+    let offset = imaging.surface.offset(x as f64, y as f64);
+    let shift_px = imaging.optics.shift_px(f64::from(disparity) - offset);
+    // A shift is positive in front of the focus. Adding zero turns a negative zero into a plain one.
+    (0.0 - shift_px) as f32 + 0.0
 }
