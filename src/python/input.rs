@@ -83,16 +83,8 @@ impl Input {
                 let mut depth = Cow::Borrowed(depth);
                 if layered {
                     let alpha = &color[size.pixels() * (size.channels - 1)..];
-                    let background = match kind {
-                        DepthKind::InverseZ
-                        | DepthKind::Disparity
-                        | DepthKind::Relative
-                        | DepthKind::DistanceFromNear { .. } => 0.0,
-                        DepthKind::ZBuffer { .. } => 1.0,
-                        DepthKind::Z | DepthKind::Distance => f32::INFINITY,
-                    };
                     let values = depth.to_mut().iter_mut();
-                    values.zip(alpha).filter(|(_, a)| **a <= 0.0).for_each(|(d, _)| *d = background);
+                    values.zip(alpha).filter(|(_, a)| **a <= 0.0).for_each(|(d, _)| *d = kind.background());
                 }
                 let disparity = installed(|| disparity_plane(&depth, size.width, kind, rays, invalid))??;
                 Ok(Layer::new(Arc::clone(color), disparity))
