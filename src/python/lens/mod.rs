@@ -1,10 +1,7 @@
 //! `dofsim.Lens`: its own words here, other cameras' in [`cameras`], and where it is focused in [`focus`].
 
 pub mod cameras;
-mod focus;
-mod reading;
-
-pub use reading::{blender_words, is_path, number};
+pub mod focus;
 
 use super::errors::choice;
 use crate::optics::{Base, Flaws, FovAxis, Lens, Mount, Strength, Vignetting};
