@@ -21,6 +21,7 @@ __all__ = [
     "encode_png",
     "exr_parts",
     "file_kind",
+    "focusable_pixels",
     "methods_available",
     "read_exr",
     "read_raster",
@@ -741,6 +742,14 @@ def render(
     out: NDArray[Any] | None = None,
     **options: Unpack[_SpritesOptions],
 ) -> NDArray[_Sample]: ...
+def focusable_pixels(
+    lens: Lens,
+    depth: NDArray[np.floating[Any]],
+    *,
+    depth_kind: _DepthKind = "z",
+    near: float | None = None,
+    far: float | None = None,
+) -> NDArray[np.int64]: ...
 def methods_available() -> list[str]: ...
 def restrict_devices(
     *, max_binding_bytes: int | None = None, blending: Literal["float32", "none"] = "float32"

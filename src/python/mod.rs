@@ -42,6 +42,8 @@ pub mod _dofsim {
     #[pymodule_export]
     use super::lens::cameras::sensors;
     #[pymodule_export]
+    use super::lens::focus::focusable_pixels;
+    #[pymodule_export]
     use super::methods::methods_available;
     #[pymodule_export]
     use super::render::render;
