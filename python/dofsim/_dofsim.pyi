@@ -8,6 +8,7 @@ from typing_extensions import Unpack
 
 __all__ = [
     "Aperture",
+    "AxialBlur",
     "Device",
     "DeviceError",
     "ExrPart",
@@ -95,6 +96,16 @@ __version__: str
 
 class DeviceError(RuntimeError): ...
 
+@final
+class AxialBlur:
+    def __new__(cls, lens: Lens, width: int, height: int) -> AxialBlur: ...
+    @property
+    def focus_disparity(self, /) -> float: ...
+    @property
+    def slope_px(self, /) -> float: ...
+    def hyperfocal(self, /, radius_px: float) -> float: ...
+    def limits(self, /, radius_px: float) -> tuple[float, float]: ...
+    def radii_px(self, /, distances: Sequence[float]) -> list[float]: ...
 @final
 class Device:
     @property

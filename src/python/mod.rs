@@ -1,6 +1,7 @@
 //! The Python module: arguments are read and checked here, once, and become the core's types.
 
 mod aperture;
+mod blur;
 mod coc;
 mod color;
 mod depth;
@@ -26,6 +27,8 @@ pub mod _dofsim {
 
     #[pymodule_export]
     use super::aperture::PyAperture;
+    #[pymodule_export]
+    use super::blur::AxialBlur;
     #[pymodule_export]
     use super::coc::coc;
     #[pymodule_export]
