@@ -73,6 +73,19 @@ impl DepthKind {
         matches!(self, DepthKind::Distance | DepthKind::DistanceFromNear { .. })
     }
 
+    /// The value that stands for the background, which is infinitely far or, in relative disparity, at 0. A z-buffer
+    /// whose far plane is not infinite has its background at that plane.
+    pub fn background(self) -> f32 {
+        match self {
+            DepthKind::Z | DepthKind::Distance => f32::INFINITY,
+            DepthKind::InverseZ
+            | DepthKind::Disparity
+            | DepthKind::Relative
+            | DepthKind::DistanceFromNear { .. } => 0.0,
+            DepthKind::ZBuffer { .. } => 1.0,
+        }
+    }
+
     /// What a valid value looks like, for error texts.
     fn accepted(self) -> &'static str {
         match self {
@@ -218,6 +231,20 @@ mod tests {
         ] {
             let d = one(kind, v).unwrap();
             assert!((d - 1.0 / z).abs() < 1e-6, "{kind:?}: {d}");
+        }
+    }
+
+    #[test]
+    fn the_background_of_every_kind_is_infinitely_far() {
+        for kind in [
+            DepthKind::Z,
+            DepthKind::Distance,
+            DepthKind::InverseZ,
+            DepthKind::Disparity,
+            DepthKind::ZBuffer { near: 0.5, far: f64::INFINITY },
+            DepthKind::DistanceFromNear { near: 0.5 },
+        ] {
+            assert_eq!(one(kind, kind.background()).unwrap(), 0.0, "{kind:?}");
         }
     }
 

@@ -163,6 +163,63 @@ def test_a_random_focus_is_recorded_and_depends_on_the_seed_alone(data):
     assert len(pixels) == 8
 
 
+def of_kind(kind, z):
+    """Give metric depth in another kind, roughly: as if all rays were as long as on the axis."""
+    near = 0.1
+    with np.errstate(divide="ignore"):
+        return {
+            "z": (z, {}),
+            "distance": (z, {}),
+            "inverse_z": (1.0 / z, {}),
+            "zbuffer": (1.0 - near / z, {"near": near, "far": float("inf")}),
+            "distance_from_near": (np.where(np.isinf(z), 0.0, z - near), {"near": near}),
+        }[kind]
+
+
+@pytest.mark.parametrize("kind", ["z", "distance", "inverse_z", "zbuffer", "distance_from_near"])
+def test_the_background_is_not_focused_on_in_any_kind_of_depth(tmp_path, kind):
+    z = np.full((HEIGHT, WIDTH), np.inf)
+    z[10:14, 20:30] = np.linspace(2.0, 4.0, 10)
+    depth, words = of_kind(kind, z)
+    io.write_image(tmp_path / "a.exr", np.full((HEIGHT, WIDTH, 3), 0.5), depth=depth)
+    options = {"depth_kind": kind, **words}
+    frame = Frame(color=tmp_path / "a.exr", output=tmp_path / "b.exr", lens=LENS, options=options)
+    for seed in range(4):
+        (result,) = map_frames([replace(frame, focus_at="random", seed=seed)])
+        assert result.error is None
+        record = json.loads(frame.record.read_text())
+        x, y = record["focus_at"]
+        assert record["lens"]["focus_distance"] == pytest.approx(z[y, x], rel=0.1)
+    (result,) = map_frames([replace(frame, outputs=("stack",), slices=2)])
+    assert result.error is None
+    stack = json.loads(frame.record.read_text())["stack"]
+    assert list(stack.values()) == pytest.approx([2.0, 4.0], rel=0.1)
+
+
+@pytest.mark.parametrize("kind", ["relative", "disparity"])
+def test_every_relative_disparity_can_be_focused_on(tmp_path, kind):
+    disparity = np.random.default_rng(2).uniform(-9.0, 3.0, (HEIGHT, WIDTH)).astype(np.float32)
+    io.write_image(tmp_path / "a.exr", np.full((HEIGHT, WIDTH, 3), 0.5), depth=disparity)
+    words = {"strength_percent": 1.0, "focus": 0.5}
+    frame = Frame(
+        color=tmp_path / "a.exr", output=tmp_path / "b.exr", lens=words, options={"depth_kind": kind}
+    )
+    focused = set()
+    for seed in range(6):
+        (result,) = map_frames([replace(frame, focus_at="random", seed=seed)])
+        assert result.error is None
+        x, y = json.loads(frame.record.read_text())["focus_at"]
+        focused.add(bool(disparity[y, x] > 0.0))
+    assert focused == {False, True}
+    (result,) = map_frames([replace(frame, outputs=("stack",), slices=2)])
+    assert result.error is None
+    lens = dofsim.Lens.from_disparity(**words)
+    ends = [divmod(int(i), WIDTH) for i in (disparity.argmax(), disparity.argmin())]
+    expected = [lens.focused_at(disparity, x, y, depth_kind=kind).focus for y, x in ends]
+    stack = json.loads(frame.record.read_text())["stack"]
+    assert list(stack.values()) == pytest.approx(expected)
+
+
 # Resuming
 
 

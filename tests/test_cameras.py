@@ -118,6 +118,64 @@ def test_mitsubas_scene_files(tmp_path):
         dofsim.Lens.from_mitsuba(tmp_path / "missing.xml")
 
 
+def scene_file(path, radius, /, **defaults):
+    """Write a scene file whose lens has this radius, and these parameters before it."""
+    given = "".join(f'<default name="{name}" value="{value}"/>' for name, value in defaults.items())
+    text = XML.replace('<default name="radius" value="0.04"/>', given)
+    path.write_text(text.replace('value="$radius"', f'value="{radius}"'))
+    return path
+
+
+def test_mitsubas_parameters_are_filled_in_by_their_whole_names(tmp_path):
+    path = scene_file(tmp_path / "scene.xml", "$a1", a="2", a1="0.08")
+    assert dofsim.Lens.from_mitsuba(path).aperture_radius == 0.08
+    path = scene_file(tmp_path / "scene.xml", "$radius", small="0.5", radius="$small")
+    assert dofsim.Lens.from_mitsuba(path).aperture_radius == 0.5
+    doubled = {f"a{i}": 2 * f"$a{i - 1}" for i in range(1, 41)}
+    path = scene_file(tmp_path / "scene.xml", "$a40", a0="9", **doubled)
+    with pytest.raises(ValueError, match="a value is longer than 4096 characters"):
+        dofsim.Lens.from_mitsuba(path)
+
+
+@pytest.mark.parametrize(
+    ("words", "error", "match"),
+    [
+        (
+            {"type": "thinlens", "focus_distance": 1.0},
+            ValueError,
+            'the thinlens sensor has no "aperture_radius"',
+        ),
+        ({"type": "perspective"}, ValueError, 'the sensor has no "fov"'),
+        (
+            {"type": "irradiancemeter"},
+            ValueError,
+            'of type "thinlens" or "perspective"; got "irradiancemeter"',
+        ),
+        ({"type": "perspective", "fov": "40"}, TypeError, "fov must be a number; got '40'"),
+        ({"type": "perspective", "focal_length": "5_0mm"}, ValueError, 'like "50mm"; got "5_0mm"'),
+        (
+            {"type": "perspective", "fov": 40, "fov_axis": 3},
+            TypeError,
+            "'int' object is not an instance of 'str'",
+        ),
+        (
+            {"type": "perspective", "fov": 40, "fov_axis": "w"},
+            ValueError,
+            'fov_axis must be one of .*; got "w"',
+        ),
+    ],
+)
+def test_sensors_that_are_none_are_refused_by_name(words, error, match):
+    with pytest.raises(error, match=match):
+        dofsim.Lens.from_mitsuba(words)
+
+
+def test_mitsubas_focal_lengths_are_those_of_film():
+    lens = dofsim.Lens.from_mitsuba({"type": "perspective", "focal_length": "50mm"})
+    assert (lens.fov_axis, lens.aperture_radius) == ("diagonal", 0.0)
+    assert lens.fov == pytest.approx(np.degrees(2.0 * np.arctan(0.5 * np.hypot(36.0, 24.0) / 50.0)))
+
+
 @pytest.mark.parametrize("offset", [(0.1, 0.0), (0.0, -0.15), (-0.05, 0.1)])
 def test_mitsubas_principal_point_is_where_the_axis_meets_the_picture(offset):
     mi = pytest.importorskip("mitsuba")
@@ -163,6 +221,12 @@ def test_blenders_cameras(tmp_path):
         dofsim.Lens.from_blender({**words, "shift_x": 0.1})
     with pytest.raises(TypeError, match="camera must be a dictionary or the path"):
         dofsim.Lens.from_blender(3)
+    with pytest.raises(ValueError, match='the camera has no "lens"'):
+        dofsim.Lens.from_blender({"fstop": 2.0, "focus_distance": 3.0})
+    with pytest.raises(ValueError, match="lens and fstop must be greater than 0; got 85 and 0"):
+        dofsim.Lens.from_blender({**words, "aperture_fstop": 0.0})
+    with pytest.raises(ValueError, match=r'sensor_fit must be one of "AUTO", .*; got "WIDE"'):
+        dofsim.Lens.from_blender({**words, "sensor_fit": "WIDE"})
 
 
 def test_intrinsics_of_colmap():

@@ -1,12 +1,14 @@
 """The `dofsim` command: what it writes, what it prints, what it refuses and how."""
 
+import dataclasses
 import subprocess
 import sys
 
 import dofsim
 import numpy as np
 import pytest
-from dofsim import io
+import typer
+from dofsim import _options, cli, io
 from dofsim.cli import run
 
 LENS = {"aperture_radius": 0.03, "focus_distance": 3.0, "fov": 40.0}
@@ -421,3 +423,23 @@ def test_missing_packages_are_named(scene, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     message = fails(capsys, 1, "coc", "z.pfm", "-o", "o.png", *LENS_OPTIONS)
     assert "pip install dofsim[metrics]" in message
+
+
+# Options that commands share
+
+
+@pytest.mark.parametrize(
+    ("command", "groups"),
+    [
+        ("render", ["LensOptions", "ApertureOptions", "DepthOptions", "RenderOptions"]),
+        ("batch", ["LensOptions", "ApertureOptions", "DepthOptions", "RenderOptions"]),
+        ("coc", ["LensOptions", "DepthOptions"]),
+    ],
+)
+def test_a_command_has_each_option_of_its_groups_once(command, groups):
+    found = [parameter.name for parameter in typer.main.get_command(cli.app).commands[command].params]
+    assert len(found) == len(set(found))
+    for group in groups:
+        own = [field.name for field in dataclasses.fields(getattr(_options, group))]
+        first = found.index(own[0])
+        assert found[first : first + len(own)] == own

@@ -1,8 +1,11 @@
 """Files written by other libraries are read, and files written here are read by other libraries."""
 
+import ctypes
 import doctest
 import importlib
+import os
 import struct
+import sys
 import zipfile
 
 import cv2
@@ -10,7 +13,7 @@ import numpy as np
 import OpenEXR
 import pytest
 import tifffile
-from dofsim import io
+from dofsim import _dofsim, io
 from PIL import Image as PillowImage
 
 COMPRESSIONS = ["NO", "RLE", "ZIPS", "ZIP", "PIZ", "PXR24", "B44", "B44A", "DWAA", "DWAB"]
@@ -117,6 +120,52 @@ def test_exr_whose_stored_pixels_are_not_those_to_be_seen(tmp_path, rng):
     stored = io.read_rgbd(path, window="data")
     np.testing.assert_array_equal(stored.color, color)
     np.testing.assert_array_equal(stored.depth, depth)
+
+
+def opened(path, read):
+    """Count how often a call opens a file. Closings are watched so that openings in a row stay apart."""
+    libc = ctypes.CDLL(None, use_errno=True)
+    open_mask, close_mask = 0x20, 0x10
+    watch = libc.inotify_init()
+    assert libc.inotify_add_watch(watch, os.fsencode(path), open_mask | close_mask) >= 0
+    try:
+        read()
+        events = os.read(watch, 1 << 16)
+    finally:
+        os.close(watch)
+    return sum(bool(mask & open_mask) for _, mask, _, _ in struct.iter_unpack("iIII", events))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="openings are counted the Linux way")
+@pytest.mark.parametrize("window", ["display", "data"])
+def test_a_picture_with_its_depth_is_decoded_once(tmp_path, rng, monkeypatch, window):
+    path = tmp_path / "a.exr"
+    write_with_openexr(path, {"RGB": rng.random((5, 6, 3)).astype(np.float32), "Z": np.ones((5, 6), "f4")})
+    decoded = []
+    read_exr = _dofsim.read_exr
+    monkeypatch.setattr(
+        _dofsim, "read_exr", lambda *args, **words: decoded.append(args) or read_exr(*args, **words)
+    )
+    # Once each for its kind, for its header and for its pixels.
+    assert opened(path, lambda: io.read_rgbd(path, window=window)) == 3
+    assert len(decoded) == 1
+
+
+@pytest.mark.parametrize("channels", [{"RGBA": 4, "Z": 1}, {"Y": 1, "Z": 1}, {"Y": 1}])
+@pytest.mark.parametrize("window", ["display", "data"])
+def test_a_picture_with_its_depth_is_what_both_are_alone(tmp_path, rng, channels, window):
+    path = tmp_path / "a.exr"
+    planes = {name: rng.random((5, 6, n)).astype(np.float16) for name, n in channels.items()}
+    planes = {name: plane if plane.shape[-1] > 1 else plane[..., 0] for name, plane in planes.items()}
+    corner = lambda *xy: np.array(xy, np.int32)  # noqa: E731
+    box = (corner(-2, 1), corner(3, 5))
+    write_with_openexr(path, planes, dataWindow=box, displayWindow=(corner(0, 0), corner(9, 3)))
+    both, color = io.read_rgbd(path, window=window), io.read_color(path, window=window)
+    np.testing.assert_array_equal(both.color, color.pixels)
+    np.testing.assert_array_equal(both.depth, io.read_depth(path, window=window))
+    assert (both.transfer, both.alpha) == (color.transfer, color.alpha)
+    assert both.color.flags.c_contiguous
+    assert both.depth.flags.c_contiguous
 
 
 def test_exr_with_alpha_is_premultiplied(tmp_path, rng):

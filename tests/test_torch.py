@@ -63,6 +63,21 @@ def test_relative_disparity(sample):
     assert float(transform(signed)["depth"].abs().max()) == pytest.approx(4.0)
 
 
+@pytest.mark.parametrize("strength", [{"strength_px": 1.0}, {"strength_percent": 2.0}])
+def test_disparity_of_any_sign_and_strength_of_any_unit(sample, strength):
+    lens = dofsim.Lens.from_disparity(**strength, focus=0.0)
+    transform = RandomDepthOfField(lens, max_coc_px=(4.0, 4.0), depth_to="coc", depth_kind="relative")
+    negative = {**sample, "depth": Depth(-sample["depth"])}
+    assert float(transform(negative)["depth"].abs().max()) == pytest.approx(4.0)
+
+
+def test_the_background_of_inverse_depth_is_not_focused_on(sample):
+    depth = torch.zeros(24, 32)
+    depth[3, 5] = 0.5
+    lens = blur(depth_kind="inverse_z").draw(Depth(depth))
+    assert lens.focus_distance == pytest.approx(2.0)
+
+
 @pytest.mark.parametrize("dtype", [torch.float16, torch.float32, torch.float64, torch.uint8])
 def test_types_are_kept(sample, dtype):
     scale = 255 if dtype == torch.uint8 else 1

@@ -15,8 +15,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-import dofsim
-
 from . import _options as options
 
 if TYPE_CHECKING:
@@ -29,10 +27,10 @@ _RANDOM = "Random lenses"
 _FAILURES = "failures.jsonl"
 
 
+@options.with_groups
 def batch_command(
-    output: Annotated[
-        Path, typer.Option("--output", "-o", help="Folder to write into; made if it is not there.")
-    ],
+    *,
+    output: options.OutputFolder,
     color: Annotated[
         str | None, typer.Argument(help="The pictures: a folder, a pattern in quotes, or a file.")
     ] = None,
@@ -97,15 +95,7 @@ def batch_command(
             rich_help_panel=_OUTPUTS,
         ),
     ] = 0.5,
-    aperture_radius: options.ApertureRadius = None,
-    focus_distance: options.FocusDistance = None,
-    focus_at: options.FocusAt = None,
-    fov: options.Fov = None,
-    fov_axis: options.FovAxis = None,
-    focal_length_mm: options.FocalLength = None,
-    f_number: options.FNumber = None,
-    sensor_width_mm: options.SensorWidth = None,
-    lens_file: options.LensFile = None,
+    lens_options: options.LensOptions,
     random_aperture_radius: Annotated[
         str | None,
         typer.Option(
@@ -131,25 +121,9 @@ def batch_command(
             rich_help_panel=_RANDOM,
         ),
     ] = 0,
-    blades: options.Blades = None,
-    rotation: options.Rotation = None,
-    preset: options.Preset = None,
-    depth_kind: options.DepthKind = None,
-    near: options.Near = None,
-    far: options.Far = None,
-    depth_scale: options.DepthScale = None,
-    depth_missing: options.DepthMissing = None,
-    depth_channel: options.DepthChannel = None,
-    invalid: options.Invalid = "raise",
-    layer: options.Layer = None,
-    transfer: options.Transfer = None,
-    alpha: options.Alpha = None,
-    method: options.Method = "lens",
-    method_options: options.MethodOptions = None,
-    device: options.Device = "auto",
-    overscan: options.Overscan = 0,
-    supersample: options.Supersample = 1,
-    threads: options.Threads = None,
+    aperture_options: options.ApertureOptions,
+    depth_options: options.DepthOptions,
+    render_options: options.RenderOptions,
 ) -> int:
     """Render many frames, and go on where an earlier run was stopped.
 
@@ -173,19 +147,8 @@ def batch_command(
         rows = [
             replace(row, color=row.color.absolute(), depth=row.depth and row.depth.absolute()) for row in rows
         ]
-    words, opening = options.read_settings(
-        lens_file,
-        {
-            "aperture_radius": aperture_radius,
-            "focus_distance": focus_distance,
-            "fov": fov,
-            "fov_axis": fov_axis,
-            "focal_length_mm": focal_length_mm,
-            "f_number": f_number,
-            "sensor_width_mm": sensor_width_mm,
-        },
-        {"blades": blades, "rotation": rotation},
-    )
+    lens_file, focus_at = lens_options.lens_file, lens_options.focus_at
+    words, opening = options.read_settings(lens_file, lens_options.words, vars(aperture_options))
     ranges = {
         name: options.read_numbers(f"--random-{name.replace('_', '-')}", text, float, "two numbers, LOW,HIGH")
         for name, text in (("aperture_radius", random_aperture_radius), ("f_number", random_f_number))
@@ -196,26 +159,21 @@ def batch_command(
     pixel = options.read_pixel(focus_at) if focus_at is not None else None
     suffix = "." + suffix.lower().removeprefix(".")
     options.one_of("--format", suffix, io.SUFFIXES)
-    kind, depth_words = options.read_preset(preset, depth_kind, depth_scale, depth_missing)
+    kind, depth_words = depth_options.read()
     reading = {
-        "layer": layer,
-        "depth_channel": depth_channel,
+        "layer": render_options.layer,
         **depth_words,
-        "transfer": options.one_of("--transfer", transfer, io.TRANSFERS),
-        "alpha": options.one_of("--alpha", alpha, io.ALPHAS),
+        "transfer": options.one_of("--transfer", render_options.transfer, io.TRANSFERS),
+        "alpha": options.one_of("--alpha", render_options.alpha, io.ALPHAS),
     }
     rendering = {
-        "method": method,
-        "device": device,
-        "depth_kind": kind,
-        "near": near,
-        "far": far,
-        "invalid": invalid,
-        "overscan": overscan,
-        "supersample": supersample,
-        "threads": threads,
-        **options.read_method_options(method_options or []),
-        **({"aperture": dofsim.Aperture(**opening)} if opening else {}),
+        "method": render_options.method,
+        "device": render_options.device,
+        **kind,
+        "invalid": depth_options.invalid,
+        "overscan": render_options.overscan,
+        "supersample": render_options.supersample,
+        **render_options.method_words(opening),
     }
     frames = []
     for row in rows:

@@ -7,23 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._dofsim import Lens, coc
+from ._dofsim import AxialBlur, Lens
 
 
 @dataclass(frozen=True)
 class Blur:
-    """The circle of confusion on the optical axis: linear in disparity, so that two numbers say it all.
+    """The circle of confusion on the optical axis, as the optics have it.
 
     Attributes
     ----------
-    focus_disparity : float
-        The inverse of the distance in focus, in 1/m.
-    slope_px : float
-        Pixels of radius for each 1/m away from it.
+    axial : AxialBlur
+        What knows the optics of the lens.
     """
 
-    focus_disparity: float
-    slope_px: float
+    axial: AxialBlur
 
     @classmethod
     def of(cls, lens: Lens, size: tuple[int, int]) -> Blur:
@@ -34,39 +31,33 @@ class Blur:
         ValueError
             If the lens is one over relative disparity, which knows no distances, or the size is none.
         """
-        if (focus_distance := lens.focus_distance) is None:
-            raise ValueError("the lens must be a metric one: over relative disparity there are no distances")
         width, height = size
         if width < 1 or height < 1:
             raise ValueError(f"size must be a width and a height in pixels greater than 0; got {size}")
+        return cls(AxialBlur(lens, width, height))
 
-        def radius_px(distance: float) -> float:
-            return float(coc(np.broadcast_to(distance, (height, width)), lens)[height // 2, width // 2])
-
-        focus = 1.0 / focus_distance
-        near = 2.0 * focus if focus > 0.0 else 1.0
-        # What a tilt adds beside the axis is the same at both distances.
-        return cls(focus, (radius_px(np.inf) - radius_px(1.0 / near)) / near)
+    @property
+    def focus_disparity(self) -> float:
+        """The inverse of the distance in focus, in 1/m."""
+        return self.axial.focus_disparity
 
     def radius_px(self, distance: ArrayLike) -> NDArray[np.float64]:
         """Give the signed radius at distances in metres."""
-        return self.slope_px * (self.focus_disparity - 1.0 / np.asarray(distance, dtype=np.float64))
+        distances = np.asarray(distance, dtype=np.float64)
+        return np.reshape(self.axial.radii_px(distances.ravel().tolist()), distances.shape)
 
     def limits(self, radius_px: float) -> tuple[float, float]:
         """Give the nearest and the farthest distance no more blurred than that."""
-        if self.slope_px == 0.0:
-            return 0.0, np.inf
-        apart = radius_px / self.slope_px
-        far = self.focus_disparity - apart
-        return 1.0 / (self.focus_disparity + apart), 1.0 / far if far > 0.0 else np.inf
+        return self.axial.limits(radius_px)
 
     def hyperfocal(self, radius_px: float) -> float:
         """Give the nearest distance in focus that leaves infinity no more blurred than that."""
-        return self.slope_px / radius_px
+        return self.axial.hyperfocal(radius_px)
 
     def distances(self, count: int) -> NDArray[np.float64]:
         """Give distances that show the curve, evenly spaced by their logarithms."""
-        centre = 1.0 / self.focus_disparity if self.focus_disparity > 0.0 else self.slope_px or 1.0
+        focus, slope_px = self.axial.focus_disparity, self.axial.slope_px
+        centre = 1.0 / focus if focus > 0.0 else slope_px or 1.0
         return np.geomspace(centre / 6.0, centre * 12.0, count)
 
 

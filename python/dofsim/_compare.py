@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _panel, falsecolor, io, metrics
+from . import _drawing, _panel, falsecolor, io, metrics
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def opaque(image: io.Image) -> NDArray[np.float32]:
 
 def shown(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Give the sRGB code values of linear light as (H, W, 3)."""
-    codes = np.rint(metrics.srgb(linear) * 255).astype(np.uint8)
+    codes = _drawing.codes(linear)
     return codes if codes.ndim == 3 else np.repeat(codes[..., np.newaxis], 3, axis=-1)
 
 

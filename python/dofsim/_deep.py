@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +24,8 @@ _GLOW_ALPHA = 1e-3
 _CHUNK = 1 << 18
 
 
-def is_deep(path: StrPath) -> bool:
-    """Tell whether a file is OpenEXR with a deep part.
+def exr_kind(path: StrPath) -> Literal["flat", "deep"] | None:
+    """Tell whether a file is OpenEXR, and whether it has a deep part.
 
     Parameters
     ----------
@@ -34,14 +34,16 @@ def is_deep(path: StrPath) -> bool:
 
     Returns
     -------
-    bool
-        What its version field says.
+    {"flat", "deep"} or None
+        What its first bytes say; None for files of other kinds.
     """
     start = first_bytes(path, 8)
     if len(start) < 8:
-        return False
+        return None
     magic, version = struct.unpack("<II", start)
-    return bool(magic == _MAGIC and version & _HAS_DEEP)
+    if magic != _MAGIC:
+        return None
+    return "deep" if version & _HAS_DEEP else "flat"
 
 
 def read_deep(

@@ -9,13 +9,12 @@ from html import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from . import metrics
 from ._blur import Blur, metres
 from ._dofsim import Aperture, Lens, encode_png, render
+from ._drawing import NEAR_COLOR, SHARP_RADIUS_PX, Curve, codes
 
 # The picture that a lens is described for.
 _SIZE = 1920, 1080
-_SHARP_RADIUS_PX = 0.5
 _CHART = 360, 110
 
 
@@ -47,7 +46,7 @@ def aperture_html(aperture: Aperture) -> str:
 def aperture_png(aperture: Aperture) -> bytes:
     """Give a picture of a point of light behind the focus, and of one in front of it."""
     points = np.concatenate(points_of_light(aperture, 48.0), axis=1)
-    return encode_png(np.rint(255.0 * metrics.srgb(points)).astype(np.uint8))
+    return encode_png(codes(points))
 
 
 def points_of_light(aperture: Aperture, radius_px: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -88,12 +87,12 @@ def _facts(lens: Lens) -> list[tuple[str, str]]:
     if not lens.aperture_radius:
         return [*facts, ("opening", "a pinhole: all is sharp")]
     blur = Blur.of(lens, _SIZE)
-    nearest, farthest = blur.limits(_SHARP_RADIUS_PX)
+    nearest, farthest = blur.limits(SHARP_RADIUS_PX)
     return [
         *facts,
         ("opening", f"{2e3 * lens.aperture_radius:.3g} mm wide"),
         ("sharp", f"{metres(nearest)} to {metres(farthest)}"),
-        ("hyperfocal", metres(blur.hyperfocal(_SHARP_RADIUS_PX))),
+        ("hyperfocal", metres(blur.hyperfocal(SHARP_RADIUS_PX))),
         ("blur at \N{INFINITY}", f"{float(blur.radius_px(np.inf)):.3g} px of {_SIZE[0]}"),
     ]
 
@@ -102,9 +101,8 @@ def _chart(blur: Blur) -> str:
     """Draw the radius of the blur against the logarithm of the distance, with what is sharp."""
     width, height = _CHART
     floor = height - 18
-    distance = blur.distances(120)
-    radius = blur.radius_px(distance)
-    top = max(1.35 * float(blur.radius_px(np.inf)), 4.0 * _SHARP_RADIUS_PX)
+    curve = Curve.of(blur, 120, SHARP_RADIUS_PX)
+    distance, radius, top = curve.distance, curve.radius, curve.top
 
     def across(at: float) -> float:
         part = math.log(at / distance[0]) / math.log(distance[-1] / distance[0])
@@ -121,7 +119,7 @@ def _chart(blur: Blur) -> str:
     def mark(z: float, anchor: str) -> str:
         return f"<text x='{across(z):.0f}' y='{height - 4}' text-anchor='{anchor}'>{metres(z)}</text>"
 
-    nearest, farthest = (across(limit) for limit in blur.limits(_SHARP_RADIUS_PX))
+    nearest, farthest = (across(limit) for limit in curve.sharp)
     marks = [mark(float(distance[0]), "start"), mark(float(distance[-1]), "end")]
     if blur.focus_disparity > 0.0:
         marks.append(mark(1.0 / blur.focus_disparity, "middle"))
@@ -130,5 +128,5 @@ def _chart(blur: Blur) -> str:
         f"viewBox='0 0 {width} {height}' font-size='11' fill='currentColor' style='max-width:100%'>"
         f"<rect x='{nearest:.1f}' width='{max(farthest - nearest, 1.0):.1f}' height='{floor}' opacity='.15'/>"
         f"<line x1='0' y1='{floor}' x2='{width}' y2='{floor}' stroke='currentColor' opacity='.5'/>"
-        f"{line(radius <= 0.0, '#b5382f')}{line(radius >= 0.0, '#4a7fc8')}{''.join(marks)}</svg>"
+        f"{line(radius <= 0.0, NEAR_COLOR)}{line(radius >= 0.0, '#4a7fc8')}{''.join(marks)}</svg>"
     )

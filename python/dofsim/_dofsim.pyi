@@ -8,6 +8,7 @@ from typing_extensions import Unpack
 
 __all__ = [
     "Aperture",
+    "AxialBlur",
     "Device",
     "DeviceError",
     "ExrPart",
@@ -21,6 +22,7 @@ __all__ = [
     "encode_png",
     "exr_parts",
     "file_kind",
+    "focusable_pixels",
     "methods_available",
     "read_exr",
     "read_raster",
@@ -94,6 +96,16 @@ __version__: str
 
 class DeviceError(RuntimeError): ...
 
+@final
+class AxialBlur:
+    def __new__(cls, lens: Lens, width: int, height: int) -> AxialBlur: ...
+    @property
+    def focus_disparity(self, /) -> float: ...
+    @property
+    def slope_px(self, /) -> float: ...
+    def hyperfocal(self, /, radius_px: float) -> float: ...
+    def limits(self, /, radius_px: float) -> tuple[float, float]: ...
+    def radii_px(self, /, distances: Sequence[float]) -> list[float]: ...
 @final
 class Device:
     @property
@@ -741,6 +753,14 @@ def render(
     out: NDArray[Any] | None = None,
     **options: Unpack[_SpritesOptions],
 ) -> NDArray[_Sample]: ...
+def focusable_pixels(
+    lens: Lens,
+    depth: NDArray[np.floating[Any]],
+    *,
+    depth_kind: _DepthKind = "z",
+    near: float | None = None,
+    far: float | None = None,
+) -> NDArray[np.int64]: ...
 def methods_available() -> list[str]: ...
 def restrict_devices(
     *, max_binding_bytes: int | None = None, blending: Literal["float32", "none"] = "float32"

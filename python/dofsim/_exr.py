@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -48,7 +51,7 @@ def list_channels(path: StrPath) -> list[str]:
     """
     kind = _dofsim.file_kind(path)
     if kind == "exr":
-        return [channel.full for channel in channels_of(path)]
+        return [channel.full for channel in ExrFile.of(path).channels]
     return _arrays.npz_names(path) if kind == "npz" else []
 
 
@@ -85,12 +88,13 @@ def read_exr(path: StrPath, channels: list[str] | None = None) -> dict[str, NDAr
     ...     read_exr(path)["id"]
     array([[7., 9.]], dtype=float32)
     """
-    known = {channel.full: channel for channel in channels_of(path)}
+    file = open_exr(path)
+    known = {channel.full: channel for channel in file.channels}
     names = list(known) if channels is None else channels
     for name in names:
         if name not in known:
             raise ValueError(f"{path}: there is no channel {name!r}; channels: {', '.join(known)}")
-    return {name: read_part(path, [known[name]], data=True, fill=0.0) for name in names}
+    return {name: file.read([known[name]], data=True, fill=0.0) for name in names}
 
 
 def write_exr(
@@ -141,17 +145,83 @@ def write_exr(
     _dofsim.write_exr(path, parts or [(None, single)], compression=compression)
 
 
-def channels_of(path: StrPath) -> list[_channels.Channel]:
-    """List the channels of all parts."""
+def open_exr(path: StrPath) -> ExrFile:
+    """Read the header of a file, if it is an OpenEXR file."""
     if (kind := _dofsim.file_kind(path)) != "exr":
         raise ValueError(f"{path}: found a file of kind {kind}; accepted: OpenEXR")
-    return _channels.flatten(_dofsim.exr_parts(path))
+    return ExrFile.of(path)
 
 
-def read_part(path: StrPath, channels: list[_channels.Channel], *, data: bool, fill: float) -> NDArray[Any]:
-    """Read channels of one part, side by side."""
-    names = [channel.name for channel in channels]
-    return _dofsim.read_exr(path, channels[0].part, names, data=data, fill=fill)
+@dataclass(frozen=True)
+class ExrFile:
+    """An OpenEXR file whose header has been read.
+
+    Attributes
+    ----------
+    path : str or path-like
+        The file.
+    parts : list of ExrPart
+        What the header says of each part.
+    """
+
+    path: StrPath
+    parts: list[_dofsim.ExrPart]
+
+    @classmethod
+    def of(cls, path: StrPath) -> ExrFile:
+        """Read the header of a file."""
+        return cls(path, _dofsim.exr_parts(path))
+
+    @property
+    def channels(self) -> list[_channels.Channel]:
+        """The channels of all parts."""
+        return _channels.flatten(self.parts)
+
+    def color_channels(self, layer: str | None) -> list[_channels.Channel]:
+        """Choose the channels of the picture."""
+        with self._about():
+            return _channels.color(self.channels, layer)
+
+    def depth_channel(self, name: str | None, layer: str | None) -> _channels.Channel:
+        """Choose the channel of the depth."""
+        with self._about():
+            return _channels.depth(self.channels, name, layer)
+
+    def read(self, channels: list[_channels.Channel], *, data: bool, fill: float) -> NDArray[np.float32]:
+        """Read channels of one part, side by side, `fill` where the display window has no stored pixels."""
+        names = [channel.name for channel in channels]
+        return _dofsim.read_exr(self.path, channels[0].part, names, data=data, fill=fill)
+
+    def read_both(
+        self, color: list[_channels.Channel], depth: _channels.Channel, *, data: bool
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Read a picture and its depth, decoding a part that has both only once.
+
+        What is not stored is transparent black and infinitely far.
+        """
+        if depth.part != color[0].part:
+            return self.read(color, data=data, fill=0.0), self.read([depth], data=data, fill=math.inf)
+        both = self.read([*color, depth], data=data, fill=0.0)
+        pixels, plane = both[..., : len(color)], both[..., len(color)].copy()
+        if not data:
+            plane[~self._is_stored(depth.part, plane.shape)] = math.inf
+        return np.ascontiguousarray(pixels[..., 0] if len(color) == 1 else pixels), plane
+
+    def _is_stored(self, part: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+        """Tell which pixels of the display window are in the data window."""
+        left, top, _, _ = self.parts[part].display_window
+        x, y, width, height = self.parts[part].data_window
+        stored = np.zeros(shape, bool)
+        stored[max(y - top, 0) : max(y - top + height, 0), max(x - left, 0) : max(x - left + width, 0)] = True
+        return stored
+
+    @contextmanager
+    def _about(self) -> Iterator[None]:
+        """Put the name of the file before what is wrong with its channels."""
+        try:
+            yield
+        except ValueError as error:
+            raise ValueError(f"{self.path}: {error}") from None
 
 
 def _plane(name: str, values: ArrayLike) -> NDArray[Any]:

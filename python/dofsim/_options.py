@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar, get_type_hints
 
 import typer
 
@@ -17,6 +19,11 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
+T = TypeVar("T")
+
+OutputFolder = Annotated[
+    Path, typer.Option("--output", "-o", help="Folder to write into; made if it is not there.")
+]
 ApertureRadius = Annotated[
     float | None, typer.Option(help="Radius of the opening in metres.", rich_help_panel="Lens")
 ]
@@ -125,6 +132,140 @@ MethodOptions = Annotated[
         help="An option of the method; may be repeated. The value is TOML or a word.",
     ),
 ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LensOptions:
+    """The options that describe a lens and its focus."""
+
+    aperture_radius: ApertureRadius = None
+    focus_distance: FocusDistance = None
+    focus_at: FocusAt = None
+    fov: Fov = None
+    fov_axis: FovAxis = None
+    focal_length_mm: FocalLength = None
+    f_number: FNumber = None
+    sensor_width_mm: SensorWidth = None
+    lens_file: LensFile = None
+
+    @property
+    def words(self) -> dict[str, Any]:
+        """The words of the lens, None where they are not given."""
+        return {name: value for name, value in vars(self).items() if name not in ("focus_at", "lens_file")}
+
+    def read(self, depth: Any, aperture: ApertureOptions | None = None, **kind: Any) -> tuple[Any, Any]:
+        """Read the words of the lens, focused on a pixel of the depth if one is named, and of the aperture.
+
+        Parameters
+        ----------
+        depth : ndarray
+            The depth map, shape (H, W).
+        aperture : ApertureOptions, optional
+            The options of the aperture.
+        **kind
+            ``depth_kind``, ``near`` and ``far`` of `dofsim.Lens.focused_at`.
+
+        Returns
+        -------
+        tuple of dict
+            The words of the lens and those of the aperture.
+        """
+        words, opening = read_settings(self.lens_file, self.words, vars(aperture) if aperture else {})
+        if self.focus_at is not None:
+            words = focused_words(words, read_pixel(self.focus_at), depth, **kind)
+        return words, opening
+
+
+@dataclass(frozen=True, kw_only=True)
+class ApertureOptions:
+    """The options that describe an aperture."""
+
+    blades: Blades = None
+    rotation: Rotation = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthOptions:
+    """The options that say what depth measures, and how a file holds it."""
+
+    preset: Preset = None
+    depth_kind: DepthKind = None
+    near: Near = None
+    far: Far = None
+    depth_scale: DepthScale = None
+    depth_missing: DepthMissing = None
+    depth_channel: DepthChannel = None
+    invalid: Invalid = "raise"
+
+    def read(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Give the words of depth that `dofsim.render` takes, and those that `dofsim.io.read_rgbd` takes."""
+        kind, reading = read_preset(self.preset, self.depth_kind, self.depth_scale, self.depth_missing)
+        kind_words = {"depth_kind": kind, "near": self.near, "far": self.far}
+        return kind_words, {"depth_channel": self.depth_channel, **reading}
+
+
+@dataclass(frozen=True, kw_only=True)
+class RenderOptions:
+    """The options that say what the picture is, and how and where it is rendered."""
+
+    layer: Layer = None
+    transfer: Transfer = None
+    alpha: Alpha = None
+    method: Method = "lens"
+    method_options: MethodOptions = None
+    device: Device = "auto"
+    overscan: Overscan = 0
+    supersample: Supersample = 1
+    threads: Threads = None
+
+    def method_words(self, opening: dict[str, Any]) -> dict[str, Any]:
+        """Give the method and its options, with the aperture of these words."""
+        return {
+            "method": self.method,
+            "threads": self.threads,
+            **read_method_options(self.method_options or []),
+            **({"aperture": dofsim.Aperture(**opening)} if opening else {}),
+        }
+
+
+def with_groups(command: Callable[..., T]) -> Callable[..., T]:
+    """Show Typer the options of a command's groups as options of the command itself.
+
+    Parameters
+    ----------
+    command : callable
+        A command. A parameter whose type is one of the data classes above stands for all of their fields.
+
+    Returns
+    -------
+    callable
+        The command with these fields as parameters, in the place of the group.
+    """
+    hints = get_type_hints(command, include_extras=True)
+    groups: dict[str, Any] = {name: hint for name, hint in hints.items() if is_dataclass(hint)}
+    parameters: list[Parameter] = []
+    for name, parameter in signature(command).parameters.items():
+        if name in groups:
+            own = get_type_hints(groups[name], include_extras=True)
+            parameters += [
+                Parameter(
+                    field.name, Parameter.KEYWORD_ONLY, default=field.default, annotation=own[field.name]
+                )
+                for field in fields(groups[name])
+            ]
+        else:
+            parameters.append(parameter.replace(kind=Parameter.KEYWORD_ONLY, annotation=hints[name]))
+
+    def flat(**values: Any) -> T:
+        for name, group in groups.items():
+            values[name] = group(**{field.name: values.pop(field.name) for field in fields(group)})
+        return command(**values)
+
+    flat.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+    flat.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    flat.__name__, flat.__doc__ = command.__name__, command.__doc__
+    return flat
+
 
 THIN_WORDS = ("aperture_radius", "focus_distance", "fov", "fov_axis")
 CAMERA_WORDS = ("focal_length_mm", "f_number", "focus_distance", "sensor_width_mm", "sensor")

@@ -106,38 +106,16 @@ def _common(
 
 
 @app.command("render", no_args_is_help=True)
+@options.with_groups
 def render_command(
     image: Annotated[Path, typer.Argument(help="The picture, with its depth if it is EXR or NPZ.")],
+    *,
     output: Output,
     depth: Annotated[Path | None, typer.Argument(help="The depth, if it is in another file.")] = None,
-    aperture_radius: options.ApertureRadius = None,
-    focus_distance: options.FocusDistance = None,
-    focus_at: options.FocusAt = None,
-    fov: options.Fov = None,
-    fov_axis: options.FovAxis = None,
-    focal_length_mm: options.FocalLength = None,
-    f_number: options.FNumber = None,
-    sensor_width_mm: options.SensorWidth = None,
-    lens_file: options.LensFile = None,
-    blades: options.Blades = None,
-    rotation: options.Rotation = None,
-    preset: options.Preset = None,
-    depth_kind: options.DepthKind = None,
-    near: options.Near = None,
-    far: options.Far = None,
-    depth_scale: options.DepthScale = None,
-    depth_missing: options.DepthMissing = None,
-    depth_channel: options.DepthChannel = None,
-    invalid: options.Invalid = "raise",
-    layer: options.Layer = None,
-    transfer: options.Transfer = None,
-    alpha: options.Alpha = None,
-    method: options.Method = "lens",
-    method_options: options.MethodOptions = None,
-    device: options.Device = "auto",
-    overscan: options.Overscan = 0,
-    supersample: options.Supersample = 1,
-    threads: options.Threads = None,
+    lens_options: options.LensOptions,
+    aperture_options: options.ApertureOptions,
+    depth_options: options.DepthOptions,
+    render_options: options.RenderOptions,
     dtype: options.SampleType = None,
     profile: Annotated[
         bool, typer.Option("--profile", help="Print what each pass takes on the GPU.")
@@ -146,57 +124,33 @@ def render_command(
     """Render a picture through a lens."""
     from . import io
 
-    _check_output(output, [image, depth, lens_file])
-    kind, reading = options.read_preset(preset, depth_kind, depth_scale, depth_missing)
+    _check_output(output, [image, depth, lens_options.lens_file])
+    kind, reading = depth_options.read()
     rgbd = io.read_rgbd(
         image,
         depth,
-        layer=layer,
-        depth_channel=depth_channel,
+        layer=render_options.layer,
         **reading,
-        transfer=options.one_of("--transfer", transfer, io.TRANSFERS),
+        transfer=options.one_of("--transfer", render_options.transfer, io.TRANSFERS),
     )
-    words, opening = options.read_settings(
-        lens_file,
-        {
-            "aperture_radius": aperture_radius,
-            "focus_distance": focus_distance,
-            "fov": fov,
-            "fov_axis": fov_axis,
-            "focal_length_mm": focal_length_mm,
-            "f_number": f_number,
-            "sensor_width_mm": sensor_width_mm,
-        },
-        {"blades": blades, "rotation": rotation},
-    )
-    if focus_at is not None:
-        words = options.focused_words(
-            words, options.read_pixel(focus_at), rgbd.depth, depth_kind=kind, near=near, far=far
-        )
+    words, opening = lens_options.read(rgbd.depth, aperture_options, **kind)
     picture = io.Image(rgbd.color, rgbd.transfer, rgbd.alpha)
-    if chosen := options.one_of("--alpha", alpha, io.ALPHAS):
+    if chosen := options.one_of("--alpha", render_options.alpha, io.ALPHAS):
         picture = replace(picture, alpha=chosen)
     color = picture.to_linear()
     has_alpha = picture.alpha != "none"
 
     lens = options.make_lens(words)
     scene_words: dict[str, Any] = {
-        "device": device,
-        "depth_kind": kind,
-        "near": near,
-        "far": far,
-        "invalid": invalid,
+        **kind,
+        "device": render_options.device,
+        "invalid": depth_options.invalid,
         "alpha": "premultiplied" if has_alpha else "none",
         "transfer": "linear",
-        "overscan": overscan,
-        "supersample": supersample,
+        "overscan": render_options.overscan,
+        "supersample": render_options.supersample,
     }
-    method_words: dict[str, Any] = {
-        "method": method,
-        "threads": threads,
-        **options.read_method_options(method_options or []),
-        **({"aperture": dofsim.Aperture(**opening)} if opening else {}),
-    }
+    method_words = render_options.method_words(opening)
     start = time.perf_counter()
     result = dofsim.render(color, rgbd.depth, lens, **scene_words, **method_words)
     seconds = time.perf_counter() - start
@@ -213,26 +167,13 @@ def render_command(
 
 
 @app.command("coc", no_args_is_help=True)
+@options.with_groups
 def coc_command(
     depth: Annotated[Path, typer.Argument(help="A depth map, or a picture with depth (EXR or NPZ).")],
+    *,
     output: Output,
-    aperture_radius: options.ApertureRadius = None,
-    focus_distance: options.FocusDistance = None,
-    focus_at: options.FocusAt = None,
-    fov: options.Fov = None,
-    fov_axis: options.FovAxis = None,
-    focal_length_mm: options.FocalLength = None,
-    f_number: options.FNumber = None,
-    sensor_width_mm: options.SensorWidth = None,
-    lens_file: options.LensFile = None,
-    preset: options.Preset = None,
-    depth_kind: options.DepthKind = None,
-    near: options.Near = None,
-    far: options.Far = None,
-    depth_scale: options.DepthScale = None,
-    depth_missing: options.DepthMissing = None,
-    depth_channel: options.DepthChannel = None,
-    invalid: options.Invalid = "raise",
+    lens_options: options.LensOptions,
+    depth_options: options.DepthOptions,
     limit: Annotated[
         float | None, typer.Option(help="Radius in pixels at which the colours of a PNG end.")
     ] = None,
@@ -240,29 +181,12 @@ def coc_command(
     """Show the circle of confusion: as colours (PNG) or as its signed radius in pixels (EXR and others)."""
     from . import _dofsim, io
 
-    _check_output(output, [depth, lens_file])
-    kind, reading = options.read_preset(preset, depth_kind, depth_scale, depth_missing)
-    words_of_depth = {name.removeprefix("depth_"): value for name, value in reading.items()}
-    plane = io.read_depth(depth, channel=depth_channel, **words_of_depth)
-    words, _ = options.read_settings(
-        lens_file,
-        {
-            "aperture_radius": aperture_radius,
-            "focus_distance": focus_distance,
-            "fov": fov,
-            "fov_axis": fov_axis,
-            "focal_length_mm": focal_length_mm,
-            "f_number": f_number,
-            "sensor_width_mm": sensor_width_mm,
-        },
-        {},
-    )
-    if focus_at is not None:
-        words = options.focused_words(
-            words, options.read_pixel(focus_at), plane, depth_kind=kind, near=near, far=far
-        )
+    _check_output(output, [depth, lens_options.lens_file])
+    kind, reading = depth_options.read()
+    plane = io.read_depth(depth, **{name.removeprefix("depth_"): value for name, value in reading.items()})
+    words, _ = lens_options.read(plane, **kind)
     lens = options.make_lens(words)
-    radius = dofsim.coc(plane, lens, depth_kind=kind, near=near, far=far, invalid=invalid)
+    radius = dofsim.coc(plane, lens, **kind, invalid=depth_options.invalid)
     if output.suffix.lower() == ".png":
         from .falsecolor import draw_coc
 
@@ -318,9 +242,7 @@ def devices_command() -> None:
 
 @app.command("demo")
 def demo_command(
-    output: Annotated[
-        Path, typer.Option("--output", "-o", help="Folder to write into; made if it is not there.")
-    ] = Path("dofsim-demo"),
+    output: options.OutputFolder = Path("dofsim-demo"),
     device: options.Device = "auto",
 ) -> None:
     """Render the picture that comes with dofsim and compare it with a ray tracer's."""

@@ -17,17 +17,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from . import _arrays, _channels, _datasets, _deep, _dofsim
+from . import _arrays, _datasets, _deep, _dofsim
 from ._alpha import premultiply
 from ._arrays import StrPath
-from ._exr import channels_of, list_channels, read_exr, read_part, write_exr
+from ._exr import ExrFile, list_channels, read_exr, write_exr
 from ._save import (
     ALPHAS,
     SAMPLE_TYPES,
@@ -181,12 +180,10 @@ def read_color(
     kind = _datasets.file_kind(path)
     alpha: Alpha = "none"
     if kind == "exr":
-        listed = channels_of(path)
-        with _about(path):
-            channels = _channels.color(listed, layer)
-        pixels = read_part(path, channels, data=window == "data", fill=0.0)
-        alpha = "premultiplied" if len(channels) in (2, 4) else "none"
-    elif kind == "npz":
+        file = ExrFile.of(path)
+        channels = file.color_channels(layer)
+        return _exr_image(path, file.read(channels, data=window == "data", fill=0.0), transfer)
+    if kind == "npz":
         pixels = _arrays.read_npz(path, layer, ("color", "rgba", "rgb"))
     elif kind == "npy":
         pixels = _arrays.read_npy(path)
@@ -195,11 +192,9 @@ def read_color(
     else:
         pixels, alpha = _dofsim.read_raster(path)
     numpy_file = kind in ("npy", "npz")
-    integer = _check_color(path, pixels, layers=numpy_file)
+    integer = _check_color(path, pixels, layers=numpy_file, transfer=transfer)
     if numpy_file and pixels.ndim > 2 and pixels.shape[-1] in (2, 4):
         alpha = "straight" if integer else "premultiplied"
-    if transfer == "srgb" and not integer:
-        raise ValueError(f"{path}: holds floats, which are linear light; transfer='srgb' is for integers")
     return Image(pixels, (transfer or "srgb") if integer else "linear", alpha)
 
 
@@ -262,10 +257,9 @@ def read_depth(
     kind = _datasets.file_kind(path)
     _positive(scale)
     if kind == "exr":
-        listed = channels_of(path)
-        with _about(path):
-            chosen = _channels.depth(listed, channel, layer)
-        depth = read_part(path, [chosen], data=window == "data", fill=math.inf)
+        file = ExrFile.of(path)
+        chosen = file.depth_channel(channel, layer)
+        depth = file.read([chosen], data=window == "data", fill=math.inf)
     elif kind == "npz":
         depth = _arrays.read_npz(path, channel, ("depth", "z"))
     elif kind == "npy":
@@ -344,16 +338,27 @@ def read_rgbd(
     >>> color.shape, depth.shape
     ((4, 6, 3), (4, 6))
     """
-    if depth_path is None and _deep.is_deep(color_path):
-        if layer is not None or depth_channel is not None:
-            raise ValueError(
-                f"{color_path}: layer and depth_channel are not for deep files, which have one picture"
-            )
-        layers, depths = _deep.read_deep(color_path, max_layers, data=window == "data")
-        measured = _measured(depths, _positive(depth_scale), depth_missing, depth_background)
-        return RGBD(layers, measured, "linear", "premultiplied")
-    if depth_path is None and (kind := _datasets.file_kind(color_path)) not in ("exr", "npz"):
-        raise ValueError(f"{color_path}: a file of kind {kind} holds no depth beside the picture")
+    if depth_path is None:
+        exr_kind = _deep.exr_kind(color_path)
+        if exr_kind == "deep":
+            if layer is not None or depth_channel is not None:
+                raise ValueError(
+                    f"{color_path}: layer and depth_channel are not for deep files, which have one picture"
+                )
+            layers, depths = _deep.read_deep(color_path, max_layers, data=window == "data")
+            measured = _measured(depths, _positive(depth_scale), depth_missing, depth_background)
+            return RGBD(layers, measured, "linear", "premultiplied")
+        if exr_kind == "flat":
+            _positive(depth_scale)
+            file = ExrFile.of(color_path)
+            channels = file.color_channels(layer)
+            chosen = file.depth_channel(depth_channel, layer)
+            pixels, plane = file.read_both(channels, chosen, data=window == "data")
+            image = _exr_image(color_path, pixels, transfer)
+            depth = _measured(plane, depth_scale, depth_missing, depth_background)
+            return _checked_rgbd(color_path, image, depth)
+        if (kind := _datasets.file_kind(color_path)) != "npz":
+            raise ValueError(f"{color_path}: a file of kind {kind} holds no depth beside the picture")
     image = read_color(color_path, layer=layer, transfer=transfer, window=window)
     depth = read_depth(
         color_path if depth_path is None else depth_path,
@@ -364,10 +369,20 @@ def read_rgbd(
         layer=layer if depth_path is None else None,
         window=window,
     )
+    return _checked_rgbd(color_path, image, depth)
+
+
+def _exr_image(path: StrPath, pixels: NDArray[np.float32], transfer: Transfer | None) -> Image:
+    """Give the pixels of an OpenEXR file their meaning: linear light, premultiplied."""
+    _check_color(path, pixels, layers=False, transfer=transfer)
+    has_alpha = pixels.ndim == 3 and pixels.shape[-1] in (2, 4)
+    return Image(pixels, "linear", "premultiplied" if has_alpha else "none")
+
+
+def _checked_rgbd(path: StrPath, image: Image, depth: NDArray[np.float32]) -> RGBD:
+    """Put a picture and its depth together, if they are of one size."""
     if image.pixels.shape[: depth.ndim] != depth.shape or image.pixels.ndim > depth.ndim + 1:
-        raise ValueError(
-            f"{color_path}: the picture is {_describe(image.pixels)}, its depth {_describe(depth)}"
-        )
+        raise ValueError(f"{path}: the picture is {_describe(image.pixels)}, its depth {_describe(depth)}")
     return RGBD(image.pixels, depth, image.transfer, image.alpha)
 
 
@@ -391,17 +406,8 @@ def _measured(
     return distances
 
 
-@contextmanager
-def _about(path: StrPath) -> Iterator[None]:
-    """Put the name of the file before what is wrong with its channels."""
-    try:
-        yield
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-
-
-def _check_color(path: StrPath, pixels: NDArray[Any], *, layers: bool) -> bool:
-    """Whether the pixels are integers; refuses what cannot be a picture."""
+def _check_color(path: StrPath, pixels: NDArray[Any], *, layers: bool, transfer: Transfer | None) -> bool:
+    """Whether the pixels are integers; refuses what cannot be a picture of this transfer function."""
     integer = pixels.dtype in (np.uint8, np.uint16)
     known = integer or pixels.dtype in (np.float16, np.float32, np.float64)
     shaped = pixels.ndim == 2 or (2 < pixels.ndim < (5 if layers else 4) and 1 <= pixels.shape[-1] <= 4)
@@ -409,6 +415,8 @@ def _check_color(path: StrPath, pixels: NDArray[Any], *, layers: bool) -> bool:
         raise ValueError(
             f"{path}: found {_describe(pixels)}; a picture has 1 to 4 channels of uint8, uint16 or floats"
         )
+    if transfer == "srgb" and not integer:
+        raise ValueError(f"{path}: holds floats, which are linear light; transfer='srgb' is for integers")
     return integer
 
 

@@ -21,6 +21,7 @@ from . import _compare, _display, falsecolor, metrics
 from ._blur import Blur, metres
 from ._dofsim import Aperture, Lens
 from ._dofsim import coc as radius_of
+from ._drawing import NEAR_COLOR, SHARP_RADIUS_PX, Curve
 
 try:
     from matplotlib.axes import Axes
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 
 __all__ = ["aperture", "coc", "compare", "depth_of_field", "focal_stack", "pictures"]
 
-_NEAR, _FAR = "#b5382f", "#2f62a8"
+_FAR_COLOR = "#2f62a8"
 _COC = ListedColormap(falsecolor.false_color(np.linspace(-1.0, 1.0, 256), 1.0) / 255.0)
 _HEAT = ListedColormap(falsecolor.heat(np.linspace(0.0, 1.0, 256)) / 255.0)
 # Regions beside each other: distinct without colour vision, after Okabe and Ito.
@@ -106,8 +107,8 @@ def coc(
     image = _show(ax, radius, cmap=_COC, vmin=-limit, vmax=limit)
     bar = figure.colorbar(image, ax=ax, ticks=np.linspace(-limit, limit, 5), fraction=0.05, pad=0.03)
     bar.set_label("radius of the circle of confusion, px")
-    bar.ax.set_title("far", fontsize="small", color=_FAR)
-    bar.ax.set_xlabel("near", fontsize="small", color=_NEAR)
+    bar.ax.set_title("far", fontsize="small", color=_FAR_COLOR)
+    bar.ax.set_xlabel("near", fontsize="small", color=NEAR_COLOR)
     ax.set_title(f"Focused at {_focus_of(lens)}", loc="left", fontsize="medium")
     return figure
 
@@ -116,7 +117,7 @@ def depth_of_field(
     lens: Lens,
     *,
     size: tuple[int, int] = (1920, 1080),
-    sharp_radius_px: float = 0.5,
+    sharp_radius_px: float = SHARP_RADIUS_PX,
     ax: Axes | None = None,
 ) -> Figure:
     """Draw the circle of confusion against distance, with what is sharp.
@@ -153,18 +154,20 @@ def depth_of_field(
     if not sharp_radius_px > 0.0 or not math.isfinite(sharp_radius_px):
         raise ValueError(f"sharp_radius_px must be positive and finite; got {sharp_radius_px}")
     blur = Blur.of(lens, size)
-    nearest, farthest = blur.limits(sharp_radius_px)
-    distance = blur.distances(512)
-    radius = blur.radius_px(distance)
+    curve = Curve.of(blur, 512, sharp_radius_px)
+    distance, radius, top = curve.distance, curve.radius, curve.top
+    nearest, farthest = curve.sharp
     figure, ax = _axes(ax, (6.4, 3.6))
     ax.set_xscale("log")
     ax.set_xlim(distance[0], distance[-1])
-    top = max(1.35 * float(blur.radius_px(np.inf)), 4.0 * sharp_radius_px)
     ax.set_ylim(0.0, top)
 
     ax.axvspan(max(nearest, distance[0]), min(farthest, distance[-1]), color="#e9e6df", zorder=0)
     ax.axhline(sharp_radius_px, color="0.55", linewidth=0.8, linestyle=":")
-    for side, color, name in ((radius <= 0.0, _NEAR, "in front of"), (radius >= 0.0, _FAR, "behind")):
+    for side, color, name in (
+        (radius <= 0.0, NEAR_COLOR, "in front of"),
+        (radius >= 0.0, _FAR_COLOR, "behind"),
+    ):
         ax.plot(distance[side], np.abs(radius[side]), color=color, linewidth=2.2, label=f"{name} the focus")
     hyperfocal = blur.hyperfocal(sharp_radius_px)
     if distance[0] < hyperfocal < distance[-1]:

@@ -15,6 +15,7 @@ from torchvision import tv_tensors
 from torchvision.transforms import v2
 
 import dofsim
+from dofsim._dofsim import focusable_pixels
 
 __all__ = ["Depth", "DepthOfField", "RandomDepthOfField"]
 
@@ -129,13 +130,15 @@ class RandomDepthOfField(v2.Transform):
             Focused on a random pixel with finite depth, as wide as was drawn.
         """
         planes = _array(depth).reshape(-1, *depth.shape[-2:])
-        relative = self.depth_options.get("depth_kind") == "disparity"
-        usable = np.flatnonzero(np.isfinite(planes) & (relative | (planes > 0)))
+        words = {name: value for name, value in self.depth_options.items() if name != "invalid"}
+        size = planes[0].size
+        usable = np.concatenate(
+            [index * size + focusable_pixels(self.lens, plane, **words) for index, plane in enumerate(planes)]
+        )
         if usable.size == 0:
             raise ValueError("the depth has no pixel to focus on: none is finite")
         chosen = usable[int(torch.randint(usable.size, ()))]
         index, y, x = (int(i) for i in np.unravel_index(chosen, planes.shape))
-        words = {name: value for name, value in self.depth_options.items() if name != "invalid"}
         lens = self.lens.focused_at(planes[index], x, y, **words)
         # The radius is proportional to the opening, so that one look at any opening tells how far to open it.
         largest = max(float(np.abs(self._coc(plane, lens)).max()) for plane in planes)
@@ -144,6 +147,8 @@ class RandomDepthOfField(v2.Transform):
         factor = wanted / largest if largest > 0 else 0.0
         if lens.strength_px is not None:
             return lens.replace(strength_px=factor * lens.strength_px)
+        if lens.strength_percent is not None:
+            return lens.replace(strength_percent=factor * lens.strength_percent)
         assert lens.aperture_radius is not None
         return lens.replace(aperture_radius=factor * lens.aperture_radius)
 

@@ -1,11 +1,10 @@
 //! `dofsim.Aperture`.
 
-use super::errors::shown;
-use super::lens::{blender_words, hash_words, is_path, number};
+use super::lens::cameras::read_camera;
+use super::lens::hash_words;
 use crate::aperture::{Aperture, Picture};
 use crate::error::value_error;
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
-use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::fmt;
@@ -99,35 +98,8 @@ struct Image {
 impl Image {
     /// Reads an array, or the file of this path.
     fn read(given: &Bound<'_, PyAny>) -> PyResult<Image> {
-        let py = given.py();
-        let plane = if is_path(given)? {
-            let color =
-                py.import("dofsim.io")?.call_method1("read_color", (given,))?.call_method0("to_linear")?;
-            let channels: usize = match color.getattr("shape")?.extract::<Vec<usize>>()?.as_slice() {
-                [_, _, channels] => *channels,
-                _ => 0,
-            };
-            match channels {
-                0 => color,
-                // The second of two and the fourth of four is coverage.
-                n => {
-                    let colors = color.call_method1("transpose", (2, 0, 1))?;
-                    let colors = (0..if n == 2 { 1 } else { n.min(3) }).map(|c| colors.get_item(c));
-                    let colors = colors.collect::<PyResult<Vec<_>>>()?;
-                    py.import("numpy")?.call_method1("mean", (colors, 0))?
-                }
-            }
-        } else {
-            given.clone()
-        };
-        let refused = |_| {
-            PyTypeError::new_err(format!(
-                "image must be a two-dimensional array of numbers or the path of a picture; got {}",
-                shown(given)
-            ))
-        };
-        let array = py.import("numpy")?.call_method1("asarray", (&plane, "float64")).map_err(refused)?;
-        let array: PyReadonlyArray2<f64> = array.extract().map_err(|e: PyErr| refused(e))?;
+        let read = given.py().import("dofsim._transmission")?.call_method1("read_transmission", (given,))?;
+        let array: PyReadonlyArray2<f64> = read.extract()?;
         let array = array.as_array();
         Ok(Image { columns: array.ncols(), values: Arc::new(array.iter().copied().collect()) })
     }
@@ -233,17 +205,13 @@ impl PyAperture {
     /// Aperture(blades=6, rotation=30.0, ratio=2.0)
     #[staticmethod]
     fn from_blender(camera: &Bound<'_, PyAny>) -> PyResult<PyAperture> {
-        let camera = blender_words(camera)?;
-        let entry =
-            |key: &str, default: f64| -> PyResult<f64> { Ok(number(&camera, &[key])?.unwrap_or(default)) };
-        let blades = entry("aperture_blades", 0.0)?;
+        let (blades, rotation, ratio): (f64, f64, f64) = read_camera("blender_aperture", camera)?;
         // Cycles takes fewer than three blades for none.
         let blades = if blades < 3.0 { 0 } else { blades as u32 };
         let rotation = match blades {
             0 => 0.0,
-            n => entry("aperture_rotation", 0.0)?.to_degrees() + 180.0 / f64::from(n),
+            n => rotation.to_degrees() + 180.0 / f64::from(n),
         };
-        let ratio = entry("aperture_ratio", 1.0)?;
         PyAperture::new(blades, rotation, 0.0, ratio, 0.0, None, 0.0, None)
     }
 

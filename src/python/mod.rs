@@ -1,15 +1,22 @@
 //! The Python module: arguments are read and checked here, once, and become the core's types.
 
 mod aperture;
-mod arrays;
+mod blur;
+mod coc;
+mod color;
+mod depth;
 mod devices;
 mod errors;
 mod files;
+mod frame;
+mod input;
 mod lens;
 mod methods;
 mod output;
 mod render;
 mod run;
+mod samples;
+mod scene;
 
 use pyo3::prelude::*;
 
@@ -21,6 +28,10 @@ pub mod _dofsim {
     #[pymodule_export]
     use super::aperture::PyAperture;
     #[pymodule_export]
+    use super::blur::AxialBlur;
+    #[pymodule_export]
+    use super::coc::coc;
+    #[pymodule_export]
     use super::devices::{PyDevice, devices, restrict_devices, uploaded_bytes};
     #[pymodule_export]
     use super::errors::DeviceError;
@@ -30,13 +41,19 @@ pub mod _dofsim {
         write_bytes, write_exr, write_pfm, write_png, write_tiff,
     };
     #[pymodule_export]
-    use super::lens::{PyLens, sensors};
+    use super::lens::PyLens;
+    #[pymodule_export]
+    use super::lens::cameras::sensors;
+    #[pymodule_export]
+    use super::lens::focus::focusable_pixels;
     #[pymodule_export]
     use super::methods::methods_available;
     #[pymodule_export]
-    use super::render::{PyScene, coc, render};
+    use super::render::render;
     #[pymodule_export]
     use super::run::simd_available;
+    #[pymodule_export]
+    use super::scene::PyScene;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

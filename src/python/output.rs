@@ -1,7 +1,8 @@
 //! Where pictures go: an array of the caller's, or a new one, in the caller's own dtype and format.
 
-use super::arrays::{Alpha, ColorFormat, SampleType, array, with_sample_type};
+use super::color::{Alpha, ColorFormat};
 use super::run::{detached, simd};
+use super::samples::{SampleType, array, with_sample_type};
 use crate::cancel::Cancel;
 use crate::color::{Sample, Transfer};
 use crate::error::Result;
@@ -10,7 +11,6 @@ use crate::picture::Size;
 use crate::rows::with_channels;
 use crate::simd::Simd;
 use bytemuck::Pod;
-use half::f16;
 use numpy::ndarray::ArrayView1;
 use numpy::{
     Element, PyArray1, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyUntypedArray,

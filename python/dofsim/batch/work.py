@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 import dofsim
 from dofsim import _options, io
+from dofsim._dofsim import focusable_pixels
 from dofsim._save import Alpha, SampleType
 
 from .frames import Frame, Result
@@ -143,7 +144,7 @@ def render(loaded: Loaded) -> Rendered:
     found: dict[str, Any] = {}
     words = dict(frame.lens)
     if frame.focus_at is not None:
-        pixel = _any_pixel(depth, frame, kind) if frame.focus_at == "random" else frame.focus_at
+        pixel = _any_pixel(words, depth, frame, kind) if frame.focus_at == "random" else frame.focus_at
         words = _options.focused_words(words, pixel, depth, **kind)
         found["focus_at"] = pixel
     lens = _options.make_lens(words)
@@ -203,22 +204,23 @@ def _write(rendered: Rendered) -> Result:
     return Result(frame=frame, status="written", seconds=rendered.seconds)
 
 
-def _any_pixel(depth: NDArray[np.float32], frame: Frame, kind: dict[str, Any]) -> tuple[int, int]:
+def _any_pixel(
+    words: dict[str, Any], depth: NDArray[np.float32], frame: Frame, kind: dict[str, Any]
+) -> tuple[int, int]:
     """Choose among the pixels that can be focused on; the generator's numbers are the same everywhere."""
-    candidates = _focusable(depth, kind)
+    candidates = _focusable(_options.make_lens(_options.without_focus(words)), depth, kind)
     chosen = candidates[random.Random(frame.seed).randrange(candidates.size)]
     y, x = divmod(int(chosen), depth.shape[1])
     return x, y
 
 
-def _focusable(depth: NDArray[np.float32], kind: dict[str, Any]) -> NDArray[np.intp]:
-    """Find the pixels whose depth can be focused on, in the order of rows."""
+def _focusable(lens: dofsim.Lens, depth: NDArray[np.float32], kind: dict[str, Any]) -> NDArray[np.int64]:
+    """Find the pixels that the lens can be focused on, in the order of rows."""
     if depth.ndim != 2:
         raise ValueError(
             "focus_at='random' and stack: the depth has layers, of which none is the one to focus on"
         )
-    # Relative disparities may be negative. Zero and less is no depth of all other kinds.
-    found = np.flatnonzero(np.isfinite(depth) & ((depth > 0) | (kind.get("depth_kind") == "disparity")))
+    found = focusable_pixels(lens, depth, **kind)
     if found.size == 0:
         raise ValueError("focus_at='random' and stack: no pixel has a finite depth to focus on")
     return found
@@ -236,7 +238,7 @@ def _stack(
     lens: dofsim.Lens, depth: NDArray[np.float32], frame: Frame, kind: dict[str, Any]
 ) -> dict[str, dofsim.Lens]:
     """Lenses focused from the nearest to the farthest depth, evenly spaced in disparity."""
-    pixels = _focusable(depth, kind)
+    pixels = _focusable(lens, depth, kind)
     # The radius grows with the distance, whatever the kind of depth.
     radius = _coc(lens, depth, frame, kind).ravel()[pixels]
     ends = [divmod(int(pixels[extreme]), depth.shape[1]) for extreme in (radius.argmin(), radius.argmax())]

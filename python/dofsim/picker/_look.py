@@ -9,16 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 import dofsim
-from dofsim import falsecolor, metrics
+from dofsim import falsecolor
 from dofsim._dofsim import encode_png
+from dofsim._drawing import SHARP_RADIUS_PX, codes
 
 Overlay = Literal["picture", "coc", "outline"]
 OVERLAYS: tuple[Overlay, ...] = ("picture", "coc", "outline")
 
 PREVIEW_PX = 512
 
-# The largest radius of the blur in pixels that counts as sharp.
-_SHARP_RADIUS_PX = 0.5
 # How much of the picture a far-off colour hides.
 _OPACITY = 0.78
 _OUTLINE = (255, 214, 10)
@@ -87,13 +86,13 @@ def reduction(shape: tuple[int, ...]) -> int:
 
 def png(linear: NDArray[np.float32], *, exposure: float) -> bytes:
     """Encode linear light as it looks when exposed by so many stops more."""
-    return encode_png(np.rint(255.0 * metrics.srgb(linear * np.float32(2.0**exposure))).astype(np.uint8))
+    return encode_png(codes(linear * np.float32(2.0**exposure)))
 
 
 def _colored(radius: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Colour signed radii: near red, far blue, and nothing where the picture is sharp."""
     limit = falsecolor.round_limit(radius)
-    sharpness = np.clip((np.abs(radius) - _SHARP_RADIUS_PX) / (0.35 * limit), 0.0, 1.0)
+    sharpness = np.clip((np.abs(radius) - SHARP_RADIUS_PX) / (0.35 * limit), 0.0, 1.0)
     # A weak blur shows a weak tint rather than none of its hue.
     hue = np.sign(radius) * np.maximum(np.abs(radius), 0.4 * limit)
     cover = np.rint(255.0 * _OPACITY * sharpness).astype(np.uint8)
@@ -102,7 +101,7 @@ def _colored(radius: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 def _outlined(radius: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Draw the border of what is sharp, outside of it."""
-    sharp = np.pad(np.abs(radius) <= _SHARP_RADIUS_PX, 1, mode="edge")
+    sharp = np.pad(np.abs(radius) <= SHARP_RADIUS_PX, 1, mode="edge")
     rows, columns = radius.shape
     around = np.zeros(radius.shape, bool)
     for y, x in np.ndindex(3, 3):

@@ -2,17 +2,46 @@
 
 use super::super::errors::choice;
 use super::PyLens;
-use super::reading::{blender_words, is_path, mitsuba_words, number, required, scalar, text};
 use crate::error::value_error;
 use crate::optics::{FovAxis, Lens, Mount, SENSORS};
+use pyo3::conversion::FromPyObjectOwned;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 
 /// Sensors by name: their widths and heights in millimetres.
 #[pyfunction]
 pub fn sensors() -> Vec<(&'static str, f64, f64)> {
     SENSORS.iter().map(|(name, sensor)| (*name, sensor.width_mm, sensor.height_mm)).collect()
+}
+
+/// What `dofsim._cameras` reads of another program's camera.
+pub fn read_camera<'py, T: FromPyObjectOwned<'py>>(reader: &str, camera: &Bound<'py, PyAny>) -> PyResult<T> {
+    let read = camera.py().import("dofsim._cameras")?.call_method1(reader, (camera,))?;
+    read.extract().map_err(Into::into)
+}
+
+/// A Mitsuba sensor: its field of view, or a focal length that goes before it.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct MitsubaSensor {
+    aperture_radius: f64,
+    focus_distance: f64,
+    fov: f64,
+    fov_axis: String,
+    focal_length_mm: Option<f64>,
+    principal_point_offset: [f64; 2],
+}
+
+/// A Blender camera. The size of its sensor is that along the side that `sensor_fit` names.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct BlenderCamera {
+    lens_mm: f64,
+    fstop: f64,
+    focus_distance: f64,
+    sensor_fit: String,
+    sensor_mm: Option<f64>,
+    aperture_ratio: f64,
 }
 
 #[pymethods]
@@ -156,58 +185,15 @@ impl PyLens {
     /// Lens(aperture_radius=0.08, focus_distance=4.0, fov=42.0, fov_axis='x')
     #[staticmethod]
     fn from_mitsuba(sensor: &Bound<'_, PyAny>) -> PyResult<PyLens> {
-        let words = if is_path(sensor)? { mitsuba_words(sensor)?.into_any() } else { sensor.clone() };
-        let Ok(words) = words.cast::<PyDict>() else {
-            // A loaded sensor exposes its parameters through traverse; its field of view is always along x.
-            let parameters = sensor.py().import("mitsuba")?.call_method1("traverse", (sensor,))?;
-            let has = |key: &str| -> PyResult<bool> { parameters.contains(key) };
-            let get = |key: &str| -> PyResult<f64> {
-                scalar(&parameters.get_item(key).map_err(|_| {
-                    PyValueError::new_err(format!(
-                        "sensor has no {key:?}; a thinlens or perspective sensor has"
-                    ))
-                })?)
-            };
-            let aperture_radius = if has("aperture_radius")? { get("aperture_radius")? } else { 0.0 };
-            let focus_distance = if has("focus_distance")? { get("focus_distance")? } else { 1.0 };
-            // The offsets say how far the picture moves to the left and up, and the axis with it.
-            let principal_point = [
-                if has("principal_point_offset_x")? { -get("principal_point_offset_x")? } else { 0.0 },
-                if has("principal_point_offset_y")? { -get("principal_point_offset_y")? } else { 0.0 },
-            ];
-            let lens = Lens::thin(aperture_radius, focus_distance, get("x_fov")?, FovAxis::X)?;
-            return Ok(PyLens { core: lens.mounted(Mount { principal_point, ..Mount::PLAIN })? });
-        };
-        let kind = text(words, "type", "")?;
-        let (aperture_radius, focus_distance) = match kind.as_str() {
-            "thinlens" => (
-                required(words, "the thinlens sensor", &["aperture_radius"])?,
-                required(words, "the thinlens sensor", &["focus_distance"])?,
-            ),
-            "perspective" => (0.0, 1.0),
-            _ => {
-                return Err(PyValueError::new_err(format!(
-                    "sensor must be of type \"thinlens\" or \"perspective\"; got {kind:?}"
-                )));
-            }
-        };
-        let (fov, axis) = match words.get_item("focal_length")? {
+        let sensor: MitsubaSensor = read_camera("mitsuba_sensor", sensor)?;
+        let (fov, fov_axis) = match sensor.focal_length_mm {
             // Mitsuba's focal lengths are those of 35 mm film, whose diagonal they are measured along.
-            Some(focal_length) => {
-                let written: String = focal_length.extract()?;
-                let mm: f64 = written.trim_end_matches("mm").trim().parse().map_err(|_| {
-                    PyValueError::new_err(format!("focal_length must be like \"50mm\"; got {written:?}"))
-                })?;
-                (2.0 * (0.5 * 36f64.hypot(24.0) / mm).atan().to_degrees(), "diagonal".to_owned())
-            }
-            None => (required(words, "the sensor", &["fov"])?, text(words, "fov_axis", "x")?),
+            Some(mm) => (2.0 * (0.5 * 36f64.hypot(24.0) / mm).atan().to_degrees(), FovAxis::Diagonal),
+            None => (sensor.fov, choice("fov_axis", &sensor.fov_axis, &FovAxis::NAMES)?),
         };
-        let fov_axis = choice("fov_axis", &axis, &FovAxis::NAMES)?;
-        let principal_point = [
-            -number(words, &["principal_point_offset_x"])?.unwrap_or(0.0),
-            -number(words, &["principal_point_offset_y"])?.unwrap_or(0.0),
-        ];
-        let lens = Lens::thin(aperture_radius, focus_distance, fov, fov_axis)?;
+        let lens = Lens::thin(sensor.aperture_radius, sensor.focus_distance, fov, fov_axis)?;
+        // The offsets say how far the picture moves to the left and up, and the axis with it.
+        let principal_point = sensor.principal_point_offset.map(|offset| -offset);
         Ok(PyLens { core: lens.mounted(Mount { principal_point, ..Mount::PLAIN })? })
     }
 
@@ -238,32 +224,24 @@ impl PyLens {
     /// 0.01
     #[staticmethod]
     fn from_blender(camera: &Bound<'_, PyAny>) -> PyResult<PyLens> {
-        let camera = &blender_words(camera)?;
-        for key in ["shift_x", "shift_y"] {
-            if number(camera, &[key])?.is_some_and(|shift| shift != 0.0) {
-                return Err(PyValueError::new_err(format!(
-                    "{key} must be 0: how far it shifts the picture depends on its size. Give the lens a principal_point \
-                     instead"
-                )));
-            }
-        }
-        let lens_mm = required(camera, "the camera", &["lens"])?;
-        let fstop = required(camera, "the camera", &["fstop", "aperture_fstop"])?;
-        let focus_distance = required(camera, "the camera", &["focus_distance"])?;
+        let camera: BlenderCamera = read_camera("blender_camera", camera)?;
+        let (lens_mm, fstop) = (camera.lens_mm, camera.fstop);
         if !(lens_mm > 0.0 && fstop > 0.0) {
             return Err(PyValueError::new_err(format!(
                 "lens and fstop must be greater than 0; got {lens_mm} and {fstop}"
             )));
         }
-        let fits = [("AUTO", ("larger", 36.0)), ("HORIZONTAL", ("x", 36.0)), ("VERTICAL", ("y", 24.0))];
-        let (axis, default_mm) = choice("sensor_fit", &text(camera, "sensor_fit", "AUTO")?, &fits)?;
-        let side = if axis == "y" { "sensor_height" } else { "sensor_width" };
-        let sensor_mm = number(camera, &[side])?.unwrap_or(default_mm);
+        let fits = [
+            ("AUTO", (FovAxis::Larger, 36.0)),
+            ("HORIZONTAL", (FovAxis::X, 36.0)),
+            ("VERTICAL", (FovAxis::Y, 24.0)),
+        ];
+        let (fov_axis, default_mm) = choice("sensor_fit", &camera.sensor_fit, &fits)?;
+        let sensor_mm = camera.sensor_mm.unwrap_or(default_mm);
         let fov = 2.0 * (0.5 * sensor_mm / lens_mm).atan().to_degrees();
         // Blender divides the width of the opening by the ratio; here its longer half-axis is the radius.
-        let widest = number(camera, &["aperture_ratio"])?.unwrap_or(1.0).min(1.0);
-        let fov_axis = choice("sensor_fit", axis, &FovAxis::NAMES)?;
-        let lens = Lens::thin(lens_mm * 1e-3 / (2.0 * fstop * widest), focus_distance, fov, fov_axis)?;
+        let aperture_radius = lens_mm * 1e-3 / (2.0 * fstop * camera.aperture_ratio.min(1.0));
+        let lens = Lens::thin(aperture_radius, camera.focus_distance, fov, fov_axis)?;
         Ok(PyLens { core: lens.mounted(Mount { sensor_mm: Some(sensor_mm), ..Mount::PLAIN })? })
     }
 

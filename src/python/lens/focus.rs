@@ -1,10 +1,10 @@
 //! Where a lens is focused: on pixels, on what is nearest, on a mask, on a plane.
 
-use super::super::arrays::{DepthWords, SeenDepth, read_seen_depth};
+use super::super::depth::{DepthWords, SeenDepth, read_seen_depth};
 use super::PyLens;
 use crate::error::{Result, value_error};
-use crate::optics::Lens;
-use numpy::PyReadonlyArray2;
+use crate::optics::{Base, Lens};
+use numpy::{PyArray1, PyReadonlyArray2};
 use pyo3::exceptions::{PyIndexError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyString;
@@ -28,6 +28,33 @@ fn pixel(x: isize, y: isize, seen: &SeenDepth) -> PyResult<(usize, usize)> {
     Ok((at("x", x, seen.width)?, at("y", y, seen.height)?))
 }
 
+/// The disparity that has to be in focus on the axis for the lens to be focused on a pixel, if the pixel has a depth.
+fn on_axis(lens: &Lens, seen: &SeenDepth, (x, y): (usize, usize)) -> Option<f64> {
+    lens.on_axis(seen.disparity(x, y)?, seen.place(x, y))
+}
+
+/// The pixels that a lens can be focused on at a finite distance, or at any relative disparity, by their indices in the
+/// rows of `depth`.
+#[pyfunction]
+#[pyo3(signature = (lens, depth, *, depth_kind="z", near=None, far=None))]
+pub fn focusable_pixels<'py>(
+    py: Python<'py>,
+    lens: &PyLens,
+    depth: &Bound<'py, PyAny>,
+    depth_kind: &str,
+    near: Option<f64>,
+    far: Option<f64>,
+) -> PyResult<Bound<'py, PyArray1<i64>>> {
+    let seen = read_seen_depth(depth, &DepthWords { depth_kind, near, far }, &lens.core)?;
+    let relative = matches!(lens.core.base, Base::Relative { .. });
+    let usable = |&i: &usize| {
+        let disparity = on_axis(&lens.core, &seen, (i % seen.width, i / seen.width));
+        disparity.is_some_and(|d| relative || d > 0.0)
+    };
+    let found = (0..seen.width * seen.height).filter(usable).map(|i| i as i64);
+    Ok(PyArray1::from_iter(py, found))
+}
+
 /// The lens focused on the disparity below which the part `quantile` of these pixels lies, each as it would be on the
 /// axis under the lens's focus surface.
 fn focused_on_pixels(
@@ -37,8 +64,7 @@ fn focused_on_pixels(
     quantile: f64,
     what: &str,
 ) -> Result<Lens> {
-    let on_axis = |(x, y)| lens.on_axis(seen.disparity(x, y)?, seen.place(x, y));
-    let mut found: Vec<f64> = pixels.filter_map(on_axis).collect();
+    let mut found: Vec<f64> = pixels.filter_map(|pixel| on_axis(lens, seen, pixel)).collect();
     if found.is_empty() {
         return Err(value_error!("depth has no depth {what} that the lens could be focused on"));
     }

@@ -1,11 +1,7 @@
 //! `dofsim.Lens`: its own words here, other cameras' in [`cameras`], and where it is focused in [`focus`].
 
-mod cameras;
-mod focus;
-mod reading;
-
-pub use cameras::sensors;
-pub use reading::{blender_words, is_path, number};
+pub mod cameras;
+pub mod focus;
 
 use super::errors::choice;
 use crate::optics::{Aberrations, Base, FovAxis, Lens, Mount, Strength, Vignetting};

@@ -1,0 +1,67 @@
+//! Blur on the optical axis, for plots: its radius by distance, and what is sharp.
+
+use super::lens::PyLens;
+use crate::error::value_error;
+use crate::optics::{Base, Frame, Optics};
+use pyo3::prelude::*;
+
+/// The radius of the circle of confusion on the optical axis of a metric lens, by distance.
+#[pyclass(frozen, module = "dofsim._dofsim")]
+pub struct AxialBlur {
+    optics: Optics,
+}
+
+#[pymethods]
+impl AxialBlur {
+    /// In pixels of a picture of this size.
+    #[new]
+    fn new(lens: &PyLens, width: usize, height: usize) -> PyResult<AxialBlur> {
+        match lens.core.base {
+            Base::Thin { .. } => {
+                Ok(AxialBlur { optics: Frame::plain(width, height).imaging(&lens.core)?.optics })
+            }
+            Base::Relative { .. } => Err(value_error!(
+                "the lens must be a metric one: over relative disparity there are no distances"
+            )
+            .into()),
+        }
+    }
+
+    /// The inverse of the distance in focus, in 1/m.
+    #[getter]
+    fn focus_disparity(&self) -> f64 {
+        self.optics.d_focus
+    }
+
+    /// Pixels of radius for each 1/m away from the focus.
+    #[getter]
+    fn slope_px(&self) -> f64 {
+        self.optics.k
+    }
+
+    /// The signed radius at each of these distances in metres, positive behind the focus.
+    fn radii_px(&self, distances: Vec<f64>) -> Vec<f64> {
+        distances.into_iter().map(|z| 0.0 - self.optics.shift_px(1.0 / z)).collect()
+    }
+
+    /// The nearest and the farthest distance no more blurred than this radius.
+    fn limits(&self, radius_px: f64) -> (f64, f64) {
+        if self.optics.k == 0.0 {
+            return (0.0, f64::INFINITY);
+        }
+        (self.distance(-radius_px), self.distance(radius_px))
+    }
+
+    /// The nearest distance in focus that leaves infinity no more blurred than this radius: `k / radius`.
+    fn hyperfocal(&self, radius_px: f64) -> f64 {
+        self.optics.k / radius_px
+    }
+}
+
+impl AxialBlur {
+    /// The distance in metres of this signed radius; infinite if the radius is larger than that of any distance.
+    fn distance(&self, radius_px: f64) -> f64 {
+        let disparity = self.optics.d_focus - radius_px / self.optics.k;
+        if disparity > 0.0 { 1.0 / disparity } else { f64::INFINITY }
+    }
+}

@@ -1,0 +1,158 @@
+//! Depth: the words that describe it, its planes, and what a lens sees of it.
+
+use super::errors::choice;
+use super::run::installed;
+use super::samples::{array, in_order, sample_type, view, with_sample_type};
+use crate::color::Sample;
+use crate::depth::{DepthKind, Invalid, Rays, disparities};
+use crate::memory::Buffer;
+use crate::optics::{Base, Frame, Lens};
+use numpy::PyUntypedArrayMethods;
+use numpy::ndarray::Axis;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+/// The words by which a caller describes depth.
+pub struct DepthWords<'a> {
+    pub depth_kind: &'a str,
+    pub near: Option<f64>,
+    pub far: Option<f64>,
+}
+
+fn positive(name: &str, value: Option<f64>, kind: &str) -> PyResult<f64> {
+    match value {
+        Some(v) if v > 0.0 => Ok(v),
+        Some(v) => {
+            Err(PyValueError::new_err(format!("{name} must be a distance in metres greater than 0; got {v}")))
+        }
+        None => Err(PyValueError::new_err(format!("{name} must be given for depth_kind={kind:?}"))),
+    }
+}
+
+/// The kind of depth that the words describe, checked against the lens it is for.
+pub fn read_depth_kind(words: &DepthWords, lens: &Lens) -> PyResult<DepthKind> {
+    let kind = read_depth_words(words)?;
+    match (kind, lens.base) {
+        (DepthKind::Disparity | DepthKind::Relative, Base::Thin { .. }) => {
+            Err(PyValueError::new_err(format!(
+                "depth_kind={:?} is relative and needs a lens made by Lens.from_disparity; metric inverse \
+                 depth is depth_kind=\"inverse_z\"",
+                words.depth_kind
+            )))
+        }
+        (DepthKind::Disparity | DepthKind::Relative, Base::Relative { .. }) => Ok(kind),
+        (_, Base::Relative { .. }) => Err(PyValueError::new_err(format!(
+            "depth_kind={:?} is metric, but the lens was made by Lens.from_disparity, which needs \
+             depth_kind=\"disparity\" or \"relative\"",
+            words.depth_kind
+        ))),
+        (_, Base::Thin { .. }) => Ok(kind),
+    }
+}
+
+/// The kind of depth that the words describe.
+pub fn read_depth_words(words: &DepthWords) -> PyResult<DepthKind> {
+    let name = words.depth_kind;
+    let names = [
+        ("z", DepthKind::Z),
+        ("distance", DepthKind::Distance),
+        ("inverse_z", DepthKind::InverseZ),
+        ("disparity", DepthKind::Disparity),
+        ("relative", DepthKind::Relative),
+        ("zbuffer", DepthKind::ZBuffer { near: 0.0, far: 0.0 }),
+        ("distance_from_near", DepthKind::DistanceFromNear { near: 0.0 }),
+    ];
+    Ok(match choice("depth_kind", name, &names)? {
+        DepthKind::ZBuffer { .. } => {
+            let (near, far) = (positive("near", words.near, name)?, positive("far", words.far, name)?);
+            if far <= near {
+                return Err(PyValueError::new_err(format!(
+                    "far must be greater than near ({near}); got {far}"
+                )));
+            }
+            DepthKind::ZBuffer { near, far }
+        }
+        DepthKind::DistanceFromNear { .. } => {
+            DepthKind::DistanceFromNear { near: positive("near", words.near, name)? }
+        }
+        kind => {
+            if words.near.is_some() || words.far.is_some() {
+                return Err(PyValueError::new_err(format!(
+                    "near and far are for depth_kind=\"zbuffer\" and \"distance_from_near\"; got depth_kind={name:?}"
+                )));
+            }
+            kind
+        }
+    })
+}
+
+/// What to do with values that are no depth.
+pub fn read_invalid(name: &str) -> PyResult<Invalid> {
+    choice("invalid", name, &[("raise", Invalid::Raise), ("far", Invalid::Far)])
+}
+
+/// Raw depth planes of an array of shape (H, W), or (L, H, W).
+pub struct DepthPlanes {
+    pub width: usize,
+    pub height: usize,
+    pub planes: Vec<Buffer<f32>>,
+}
+
+/// Reads depth as it is, without taking it for anything.
+pub fn read_depth(depth: &Bound<'_, PyAny>) -> PyResult<DepthPlanes> {
+    let array = array("depth", depth)?;
+    let sample_type = sample_type("depth", array, false)?;
+    let shape = array.shape();
+    let (layers, height, width) = match *shape {
+        [height, width] => (1, height, width),
+        [layers, height, width] => (layers, height, width),
+        _ => {
+            return Err(PyValueError::new_err(format!(
+                "depth must have shape (H, W), or (L, H, W) for layers; got {shape:?}"
+            )));
+        }
+    };
+    if layers * height * width == 0 {
+        return Err(PyValueError::new_err(format!("depth must not be empty; got shape {shape:?}")));
+    }
+    let planes = with_sample_type!(sample_type, T => view::<T, _>(array, |view| {
+        let layer = |i: usize| if view.ndim() == 3 { view.index_axis(Axis(0), i) } else { view.view() };
+        let values = |v: &[T]| Buffer::of_each(v, |d| d.to_code());
+        (0..layers).map(|i| in_order(&layer(i), values)).collect::<PyResult<_>>()
+    }))??;
+    Ok(DepthPlanes { width, height, planes })
+}
+
+/// The disparity of a picture, and the places of its pixels before a lens.
+pub struct SeenDepth {
+    pub width: usize,
+    pub height: usize,
+    disparity: Buffer<f32>,
+    /// For a lens over relative disparity, which has no places, pixels.
+    rays: Rays,
+}
+
+impl SeenDepth {
+    /// Disparity of a pixel, if it has a depth.
+    pub fn disparity(&self, x: usize, y: usize) -> Option<f64> {
+        let d = self.disparity[y * self.width + x];
+        (!d.is_nan()).then_some(f64::from(d))
+    }
+
+    /// Where a pixel looks, in focal lengths from the optical axis.
+    pub fn place(&self, x: usize, y: usize) -> [f64; 2] {
+        let Rays { focal_px, centre } = self.rays;
+        [(x as f64 - centre[0]) / focal_px, (y as f64 - centre[1]) / focal_px]
+    }
+}
+
+/// Reads depth as a lens sees it.
+pub fn read_seen_depth(depth: &Bound<'_, PyAny>, words: &DepthWords, lens: &Lens) -> PyResult<SeenDepth> {
+    let kind = read_depth_kind(words, lens)?;
+    let planes = read_depth(depth)?;
+    let (width, height) = (planes.width, planes.height);
+    let rays = Frame::plain(width, height).rays(lens);
+    let (disparity, _) = installed(|| disparities(&planes.planes[0], width, kind, rays))??;
+    let rays = rays.unwrap_or(Rays { focal_px: 1.0, centre: [0.0; 2] });
+    Ok(SeenDepth { width, height, disparity, rays })
+}

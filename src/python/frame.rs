@@ -1,0 +1,50 @@
+//! How the picture that is given relates to the output: its margin, and its finer pixels.
+
+use crate::optics;
+use crate::picture::Size;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+/// How the picture relates to the output.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Frame {
+    /// Pixels of margin on every side, not in the output.
+    pub overscan: usize,
+    /// Pixels of the picture to one of the output, along each axis.
+    pub supersample: usize,
+}
+
+impl Frame {
+    pub fn new(size: Size, overscan: usize, supersample: usize) -> PyResult<Frame> {
+        if !(1..=16).contains(&supersample) {
+            return Err(PyValueError::new_err(format!(
+                "supersample must be from 1 to 16; got {supersample}"
+            )));
+        }
+        if !size.width.is_multiple_of(supersample) || !size.height.is_multiple_of(supersample) {
+            return Err(PyValueError::new_err(format!(
+                "supersample={supersample} must divide the rows and columns of color; got {} and {}",
+                size.height, size.width
+            )));
+        }
+        let smaller = size.width.min(size.height) / supersample;
+        if 2 * overscan >= smaller {
+            return Err(PyValueError::new_err(format!(
+                "overscan must leave a picture: twice {overscan} is not less than {smaller} pixels"
+            )));
+        }
+        Ok(Frame { overscan, supersample })
+    }
+
+    /// Size of the output with its margin.
+    pub fn resolved(&self, size: Size) -> Size {
+        Size { width: size.width / self.supersample, height: size.height / self.supersample, ..size }
+    }
+
+    /// The picture as the lens has it: the field of view spans the output, whose pixels the picture divides.
+    pub fn geometry(&self, size: Size) -> optics::Frame {
+        let Size { width, height, .. } = self.resolved(size);
+        let (width, height) = (width - 2 * self.overscan, height - 2 * self.overscan);
+        optics::Frame { width, height, finer: self.supersample, margin: self.overscan }
+    }
+}

@@ -1,0 +1,95 @@
+//! Colour and depth together: what a picture is made of.
+
+use super::color::{ColorFormat, brighter_than_usual, color_shape, read_format, read_layer_color};
+use super::depth::read_depth;
+use super::run::installed;
+use super::samples::array;
+use crate::depth::{DepthKind, Invalid, Rays, disparity_plane};
+use crate::memory::Buffer;
+use crate::picture::{Layer, Picture, Size};
+use numpy::PyUntypedArrayMethods;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use std::borrow::Cow;
+use std::sync::Arc;
+
+/// Colour and depth, read but not yet seen through a lens.
+pub struct Input {
+    pub size: Size,
+    pub format: ColorFormat,
+    /// By what the colours that came in are brighter than those that are rendered, a power of two.
+    pub brighter: f32,
+    /// Colour planes of each layer.
+    color: Vec<Arc<Buffer<f32>>>,
+    /// Raw depth of each layer.
+    depth: Vec<Buffer<f32>>,
+}
+
+impl Input {
+    /// Reads and checks both arrays.
+    pub fn read(
+        color: &Bound<'_, PyAny>,
+        depth: &Bound<'_, PyAny>,
+        alpha: Option<&str>,
+        transfer: Option<&str>,
+    ) -> PyResult<Input> {
+        let array = array("color", color)?;
+        let shape = color_shape(array.shape())?;
+        let format = read_format(array, &shape, alpha, transfer)?;
+        let planes = read_depth(depth)?;
+        let expected = (shape.layers, shape.size.height, shape.size.width);
+        if (planes.planes.len(), planes.height, planes.width) != expected {
+            return Err(PyValueError::new_err(format!(
+                "depth must have the same layers, rows and columns as color, {expected:?}; got {:?}",
+                (planes.planes.len(), planes.height, planes.width)
+            )));
+        }
+        let (mut color, largest): (Vec<_>, Vec<_>) = (0..shape.layers)
+            .map(|layer| read_layer_color(array, &shape, layer, &format))
+            .collect::<PyResult<Vec<_>>>()?
+            .into_iter()
+            .unzip();
+        let brighter = brighter_than_usual(largest.into_iter().fold(0.0, f32::max));
+        if brighter > 1.0 {
+            let lights = format.lights(shape.size) * shape.size.pixels();
+            let planes = color.iter_mut().map(|planes| &mut planes[..lights]);
+            planes.for_each(|planes| planes.iter_mut().for_each(|v| *v /= brighter));
+        }
+        let color = color.into_iter().map(Arc::new).collect();
+        Ok(Input { size: shape.size, format, brighter, color, depth: planes.planes })
+    }
+
+    /// The number of layers.
+    pub fn layers(&self) -> usize {
+        self.color.len()
+    }
+
+    /// The picture in disparity. Kinds of depth along the ray need `rays`.
+    pub fn picture(&self, kind: DepthKind, rays: Option<Rays>, invalid: Invalid) -> PyResult<Picture> {
+        let size = self.size;
+        let layered = self.color.len() > 1;
+        if layered && kind == DepthKind::Relative {
+            return Err(PyValueError::new_err(
+                "depth_kind=\"relative\" brings one picture's disparity to 0 to 1, and cannot be used with layers; \
+                 do that yourself and pass \"disparity\"",
+            ));
+        }
+        let layers = self
+            .color
+            .iter()
+            .zip(&self.depth)
+            .map(|(color, depth)| {
+                // Where a layer has no surface its depth means nothing.
+                let mut depth = Cow::Borrowed(depth);
+                if layered {
+                    let alpha = &color[size.pixels() * (size.channels - 1)..];
+                    let values = depth.to_mut().iter_mut();
+                    values.zip(alpha).filter(|(_, a)| **a <= 0.0).for_each(|(d, _)| *d = kind.background());
+                }
+                let disparity = installed(|| disparity_plane(&depth, size.width, kind, rays, invalid))??;
+                Ok(Layer::new(Arc::clone(color), disparity))
+            })
+            .collect::<PyResult<_>>()?;
+        Ok(Picture { size, layers })
+    }
+}

@@ -1,0 +1,297 @@
+//! `dofsim.Scene`.
+
+use super::aperture::PyAperture;
+use super::color::ColorFormat;
+use super::depth::{DepthWords, read_depth_kind, read_depth_words, read_invalid};
+use super::devices::read_device;
+use super::errors::DeviceError;
+use super::frame::Frame;
+use super::input::Input;
+use super::lens::PyLens;
+use super::methods::read_method;
+use super::output::Output;
+use super::run::simd;
+use crate::depth::{DepthKind, Invalid, Rays};
+use crate::device::Device;
+use crate::method::Method;
+use crate::optics::{Base, Imaging, Lens};
+use crate::picture::Size;
+use crate::renderer::{PassTime, Renderer};
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// A picture with depth, prepared once and rendered through many lenses.
+///
+/// Parameters
+/// ----------
+/// color, depth
+///     As in `render`.
+/// device, depth_kind, near, far, invalid, alpha, transfer, overscan, supersample
+///     As in `render`.
+///
+/// Raises
+/// ------
+/// ValueError, TypeError, DeviceError
+///     As in `render`.
+///
+/// Examples
+/// --------
+/// >>> import dofsim
+/// >>> import numpy as np
+/// >>> scene = dofsim.Scene(np.ones((32, 48, 3), np.float32), np.full((32, 48), 2.0))
+/// >>> lens = dofsim.Lens(aperture_radius=0.1, focus_distance=3.0, fov=42.0)
+/// >>> scene.focal_stack(lens, [1.0, 2.0, 4.0]).shape
+/// (3, 32, 48, 3)
+#[pyclass(name = "Scene", module = "dofsim", frozen)]
+pub struct PyScene {
+    input: Input,
+    frame: Frame,
+    device: Device,
+    kind: DepthKind,
+    depth_words: (String, Option<f64>, Option<f64>),
+    invalid: Invalid,
+    /// The scene in disparity, with the rays that it was converted with, where they matter.
+    scene: Mutex<Option<(Option<Rays>, Arc<Renderer>)>>,
+}
+
+impl PyScene {
+    /// The scene in disparity, as this lens needs it.
+    fn scene(&self, lens: &Lens) -> PyResult<Arc<Renderer>> {
+        let (depth_kind, near, far) = (self.depth_words.0.as_str(), self.depth_words.1, self.depth_words.2);
+        read_depth_kind(&DepthWords { depth_kind, near, far }, lens)?;
+        let size = self.input.size;
+        let rays = self.frame.geometry(size).rays(lens).filter(|_| self.kind.needs_rays());
+        // As for the sheets of a scene, the lock is not held over parallel work.
+        let cached = || self.scene.lock().unwrap_or_else(PoisonError::into_inner);
+        let at_hand =
+            cached().as_ref().filter(|(made_with, _)| *made_with == rays).map(|(_, s)| Arc::clone(s));
+        if let Some(scene) = at_hand {
+            return Ok(scene);
+        }
+        let picture = self.input.picture(self.kind, rays, self.invalid)?;
+        let scene = Arc::new(Renderer::new(picture, self.format().lights(size), self.frame.supersample));
+        *cached() = Some((rays, Arc::clone(&scene)));
+        Ok(scene)
+    }
+
+    fn format(&self) -> &ColorFormat {
+        &self.input.format
+    }
+
+    /// The scene through lenses that differ in their focus alone, as an array, and the passes that made it. The
+    /// pictures have an axis of their own if `stacked` says how many there are.
+    fn rendered<'py>(
+        &self,
+        py: Python<'py>,
+        lenses: &[Lens],
+        stacked: Option<usize>,
+        method: &Method,
+        threads: Option<usize>,
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<(Bound<'py, PyAny>, Vec<PassTime>)> {
+        let size = self.input.size;
+        for lens in lenses.iter().take(1) {
+            method.check(lens, self.input.layers(), self.format().lights(size))?;
+        }
+        let geometry = self.frame.geometry(size);
+        let imagings: Vec<Imaging> =
+            lenses.iter().map(|lens| geometry.imaging(lens)).collect::<crate::error::Result<_>>()?;
+        let scene = self.scene(&lenses[0])?;
+        let (simd, device) = (simd()?, self.device);
+        let rendered = self.frame.resolved(size);
+        let output = Output {
+            format: self.format(),
+            rendered,
+            brighter: self.input.brighter,
+            margin: self.frame.overscan,
+            stacked,
+        };
+        output.fill(py, out, threads, |outs, cancel| {
+            scene.render_each(&imagings, method, device, simd, cancel, outs)
+        })
+    }
+
+    /// The scene through one lens.
+    pub fn picture<'py>(
+        &self,
+        py: Python<'py>,
+        lens: &Lens,
+        method: &Method,
+        threads: Option<usize>,
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        Ok(self.rendered(py, std::slice::from_ref(lens), None, method, threads, out)?.0)
+    }
+}
+
+#[pymethods]
+impl PyScene {
+    #[new]
+    #[pyo3(signature = (color, depth, *, device="auto", depth_kind="z", near=None, far=None, invalid="raise",
+        alpha=None, transfer=None, overscan=0, supersample=1))]
+    #[expect(clippy::too_many_arguments, reason = "the public constructor's own, keyword-only in Python")]
+    pub fn new(
+        color: &Bound<'_, PyAny>,
+        depth: &Bound<'_, PyAny>,
+        device: &str,
+        depth_kind: &str,
+        near: Option<f64>,
+        far: Option<f64>,
+        invalid: &str,
+        alpha: Option<&str>,
+        transfer: Option<&str>,
+        overscan: usize,
+        supersample: usize,
+    ) -> PyResult<PyScene> {
+        let device = read_device(color.py(), device)?;
+        let kind = read_depth_words(&DepthWords { depth_kind, near, far })?;
+        let invalid = read_invalid(invalid)?;
+        let input = Input::read(color, depth, alpha, transfer)?;
+        let frame = Frame::new(input.size, overscan, supersample)?;
+        let depth_words = (depth_kind.to_owned(), near, far);
+        Ok(PyScene { input, frame, device, kind, depth_words, invalid, scene: Mutex::new(None) })
+    }
+
+    /// The scene through a lens.
+    ///
+    /// Parameters
+    /// ----------
+    /// lens : Lens
+    ///     The lens.
+    /// method, aperture, threads, out, **options
+    ///     As in the function `render`.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray
+    ///     As the function `render` returns it.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError, TypeError
+    ///     If an argument cannot be used.
+    #[pyo3(signature = (lens, *, method="lens", aperture=None, threads=None, out=None, **options))]
+    #[expect(clippy::too_many_arguments, reason = "the public method's own, keyword-only in Python")]
+    fn render<'py>(
+        &self,
+        py: Python<'py>,
+        lens: &PyLens,
+        method: &str,
+        aperture: Option<&PyAperture>,
+        threads: Option<usize>,
+        out: Option<&Bound<'py, PyAny>>,
+        options: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let method = read_method(method, aperture, options)?;
+        self.picture(py, &lens.core, &method, threads, out)
+    }
+
+    /// The scene through one lens focused at many distances.
+    ///
+    /// What does not depend on the focus is prepared once.
+    ///
+    /// Parameters
+    /// ----------
+    /// lens : Lens
+    ///     The lens; its own focus does not matter.
+    /// distances : sequence of float
+    ///     Distances in focus in metres (disparities for a lens made by `Lens.from_disparity`).
+    /// method, aperture, threads, out, **options
+    ///     As in the function `render`.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray
+    ///     One picture a distance, shape (N, H, W, C) or (N, H, W).
+    ///
+    /// Raises
+    /// ------
+    /// ValueError, TypeError
+    ///     If an argument cannot be used.
+    #[pyo3(signature = (lens, distances, *, method="lens", aperture=None, threads=None, out=None, **options))]
+    #[expect(clippy::too_many_arguments, reason = "the public method's own, keyword-only in Python")]
+    fn focal_stack<'py>(
+        &self,
+        py: Python<'py>,
+        lens: &PyLens,
+        distances: &Bound<'py, PyAny>,
+        method: &str,
+        aperture: Option<&PyAperture>,
+        threads: Option<usize>,
+        out: Option<&Bound<'py, PyAny>>,
+        options: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let method = read_method(method, aperture, options)?;
+        let distances: Vec<f64> = distances
+            .try_iter()
+            .and_then(|all| all.map(|d| d?.extract()).collect())
+            .map_err(|_| PyTypeError::new_err("distances must be a sequence of numbers"))?;
+        if distances.is_empty() {
+            return Err(PyValueError::new_err("distances must hold at least one distance"));
+        }
+        let focused = distances.iter().map(|&distance| match lens.core.base {
+            Base::Thin { aperture_radius, fov, fov_axis, .. } => {
+                let lens_there = Lens::thin(aperture_radius, distance, fov, fov_axis)?;
+                lens_there.mounted(lens.core.mount)?.flawed(lens.core.aberrations)
+            }
+            Base::Relative { .. } => lens.core.focused_at_disparity(distance),
+        });
+        let lenses = focused.collect::<crate::error::Result<Vec<_>>>()?;
+        Ok(self.rendered(py, &lenses, Some(lenses.len()), &method, threads, out)?.0)
+    }
+
+    /// What a render takes on the GPU, pass by pass.
+    ///
+    /// Parameters
+    /// ----------
+    /// lens, method, aperture, threads, **options
+    ///     As in the function `render`.
+    ///
+    /// Returns
+    /// -------
+    /// list of tuple of str and float
+    ///     Each pass, by the name of its shader, and its time on the device in milliseconds; in the order of their
+    ///     beginning, passes of one name together.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError, TypeError
+    ///     If an argument cannot be used.
+    /// DeviceError
+    ///     If the render is done on the CPU, or the GPU keeps no time.
+    #[pyo3(signature = (lens, *, method="lens", aperture=None, threads=None, **options))]
+    fn profile(
+        &self,
+        py: Python<'_>,
+        lens: &PyLens,
+        method: &str,
+        aperture: Option<&PyAperture>,
+        threads: Option<usize>,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Vec<(&'static str, f64)>> {
+        let method = read_method(method, aperture, options)?;
+        let lens = std::slice::from_ref(&lens.core);
+        let (_, passes) = self.rendered(py, lens, None, &method, threads, None)?;
+        let mut times: Vec<(&'static str, f64)> = Vec::new();
+        for pass in passes {
+            let ms = 1e3 * pass.seconds;
+            match times.iter_mut().find(|(name, _)| *name == pass.name) {
+                Some((_, total)) => *total += ms,
+                None => times.push((pass.name, ms)),
+            }
+        }
+        if times.is_empty() {
+            return Err(DeviceError::new_err(
+                "profile: there are no times to show, because the render is done on the CPU or the GPU keeps none",
+            ));
+        }
+        Ok(times)
+    }
+
+    fn __repr__(&self) -> String {
+        let Size { width, height, channels } = self.input.size;
+        format!("<dofsim.Scene of {height} x {width} pixels, {channels} channels>")
+    }
+}
