@@ -10,12 +10,13 @@ import os, signal, threading, time
 
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-def interrupted(work, after_s):
+def interrupted(work, after_s, wall_s=float("inf")):
     '''Send Ctrl-C to this process after so much work, and say how much more was done until work ended.'''
     sent = []
 
     def watch(began):
-        while time.process_time() - began < after_s:
+        latest = time.monotonic() + wall_s
+        while time.process_time() - began < after_s and time.monotonic() < latest:
             time.sleep(0.002)
         sent.append(time.process_time())
         os.kill(os.getpid(), signal.SIGINT)
