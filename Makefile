@@ -15,6 +15,8 @@ SOURCES := Cargo.toml Cargo.lock pyproject.toml $(shell find src python \
 	-name __pycache__ -prune -o -type f ! -name '*.so' ! -name '*.pyd' -print)
 
 # The Rust tests are programs that hold Python, so they need its library: for the linker, and when they run.
+# `--tests` leaves out examples in documentation comments. There are none, and cargo would compile the whole crate
+# once more, optimised, only to look for them.
 LIBPYTHON = $(shell $(WORK)/bin/python -c 'import sysconfig as s, pathlib as p; \
 	v = s.get_config_var; d = p.Path(v("LIBDIR") or "."); \
 	found = (d / (v("LDLIBRARY") or "-")).is_file() or v("PYTHONFRAMEWORK"); print(d if found else "")')
@@ -69,9 +71,9 @@ test: $(WORK)/.installed
 	cargo fmt --check
 	$(CARGO) clippy --quiet --all-targets --profile $(PROFILE) -- -D warnings
 ifeq ($(shell uname -s),Darwin)
-	$(if $(LIBPYTHON),DYLD_LIBRARY_PATH="$(LIBPYTHON)" $(CARGO) test --profile $(PROFILE),$(NO_LIBPYTHON))
+	$(if $(LIBPYTHON),DYLD_LIBRARY_PATH="$(LIBPYTHON)" $(CARGO) test --tests --profile $(PROFILE),$(NO_LIBPYTHON))
 else
-	$(if $(LIBPYTHON),LD_LIBRARY_PATH="$(LIBPYTHON)" $(CARGO) test --profile $(PROFILE),$(NO_LIBPYTHON))
+	$(if $(LIBPYTHON),LD_LIBRARY_PATH="$(LIBPYTHON)" $(CARGO) test --tests --profile $(PROFILE),$(NO_LIBPYTHON))
 endif
 	$(WORK)/bin/ruff check
 	$(WORK)/bin/ruff format --check

@@ -321,7 +321,8 @@ def test_killed_at_any_moment_and_resumed(data):
     expected = statuses(map_frames(frames("whole", outputs=outputs)))
     rng = np.random.default_rng()
     done = []
-    for _ in range(20):
+    # On a busy machine more of them end before the first frame is written.
+    while len(done) < 20 or (done[-1] == 0 and len(done) < 500):
         child = subprocess.Popen([sys.executable, "-c", KILLED], stdout=subprocess.PIPE, text=True)
         with child:
             assert child.stdout.readline() == "started\n"

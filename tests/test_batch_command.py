@@ -14,6 +14,7 @@ import pytest
 from dofsim import io
 from dofsim.batch import read_manifest
 from dofsim.cli import run
+from interrupts import HANG_S
 
 LENS = {"aperture_radius": 0.3, "focus_distance": 3.0, "fov": 40.0}
 LENS_OPTIONS = ["--aperture-radius", "0.3", "--focus-distance", "3", "--fov", "40"]
@@ -316,7 +317,7 @@ def start(*arguments):
 
 
 def wait_for(condition):
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + HANG_S
     while not condition():
         assert time.monotonic() < deadline
         time.sleep(0.005)
@@ -329,13 +330,13 @@ def records():
 @pytest.mark.skipif(os.name != "posix", reason="signals are sent the POSIX way")
 @pytest.mark.parametrize("workers", ["1", "2"])
 def test_ctrl_c_ends_cleanly_and_the_next_run_resumes(data, capsys, workers):
-    # Views enough that 50 frames take seconds on any machine.
-    arguments = ["rgb", "depth", *LENS_OPTIONS, "--set", "views=8192", "--workers", workers]
+    # Views enough that 50 frames take much longer than a look at what is there.
+    arguments = ["rgb", "depth", *LENS_OPTIONS, "--set", "views=2048", "--workers", workers]
     child = start(*arguments, "-o", "out")
     wait_for(lambda: records() >= 2)
     # As a terminal does: to all of its processes.
     os.killpg(child.pid, signal.SIGINT)
-    _, err = child.communicate(timeout=20)
+    _, err = child.communicate(timeout=HANG_S)
     assert child.returncode == 1
     assert err.splitlines()[-1] == "dofsim: interrupted"
     assert "Traceback" not in err
@@ -362,7 +363,7 @@ def test_workers_end_with_a_killed_run_and_its_unfinished_files_go(data, capsys)
     wait_for(lambda: records() >= 2)
     child.kill()
     # The workers hold the other ends of these pipes.
-    child.communicate(timeout=20)
+    child.communicate(timeout=HANG_S)
     left = Path("out/.0040.exr.123-4.part")
     left.touch()
     other = Path("out/.0099.exr.123-4.part")

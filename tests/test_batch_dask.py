@@ -79,7 +79,7 @@ def test_a_scheduler_that_is_not_there(data, capsys, monkeypatch):
 # The cluster speaks of the worker it has lost.
 @pytest.mark.filterwarnings("ignore")
 def test_a_worker_that_is_killed_costs_nothing(data):
-    expected = [result.status for result in map_frames(frames("whole", views=8192))]
+    expected = [result.status for result in map_frames(frames("whole", views=2048))]
     with dask_cluster("local", 2) as cluster:
         victim = cluster.executor.submit(os.getpid).result()
 
@@ -90,7 +90,7 @@ def test_a_worker_that_is_killed_costs_nothing(data):
 
         killer = threading.Thread(target=kill)
         killer.start()
-        work = [replace(f, options={"views": 8192, "threads": 1}) for f in frames("killed")]
+        work = [replace(f, options={"views": 2048, "threads": 1}) for f in frames("killed")]
         # Frames that the dead worker had written are there when they are tried again.
         results = [result.status for result in map_frames(work, executor=cluster.executor, in_flight=4)]
         killer.join()

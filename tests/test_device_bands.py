@@ -39,7 +39,10 @@ def test_frames_in_bands_are_the_same(gpu, restricted, method, flaw):
     color, depth = tall()
     flaw = {"thin": {}, **FLAWS, **CLIPPED}[flaw]
     lens = dofsim.Lens(aperture_radius=0.15, focus_distance=3.0, fov=40.0, **flaw)
-    call = functools.partial(dofsim.render, color, depth, lens, device=gpu, method=method, supersample=2)
+    # Few lens points for the slow ones; how many a tile has by itself, the thin lens tells.
+    options = {"views": 16} if method == "lens" and flaw else {}
+    options |= {"method": method, "supersample": 2}
+    call = functools.partial(dofsim.render, color, depth, lens, device=gpu, **options)
     whole = call()
     limit = BAND_BYTES.get(method, 470_000)
     assert limit < color.nbytes * (3 if method == "hexagonal" else 1)
@@ -55,9 +58,10 @@ def test_scenes_in_bands_stay_on_the_device(gpu, restricted, method):
     color, depth = tall()
     scene = dofsim.Scene(color, depth, device=gpu)
     lens = dofsim.Lens(aperture_radius=0.15, focus_distance=3.0, fov=40.0)
-    first = scene.render(lens, method=method)
+    options = {"views": 16} if method == "lens" else {}
+    first = scene.render(lens, method=method, **options)
     before = uploaded_bytes()
-    np.testing.assert_array_equal(scene.render(lens, method=method), first)
+    np.testing.assert_array_equal(scene.render(lens, method=method, **options), first)
     assert uploaded_bytes() - before < color.nbytes
 
 
@@ -91,9 +95,9 @@ def test_a_focal_stack_takes_no_picture_to_the_device(gpu, method):
     color, depth = metric_scene()
     scene = dofsim.Scene(color, depth, device=gpu)
     lens = dofsim.Lens(aperture_radius=0.01, focus_distance=3.0, fov=40.0)
-    distances = np.linspace(2.0, 5.0, 100)
+    distances = np.linspace(2.0, 5.0, 8)
     scene.focal_stack(lens, distances[[0, -1]], method=method)
     before = uploaded_bytes()
     scene.focal_stack(lens, distances, method=method)
     # Tables alone: not even one of the picture's planes.
-    assert uploaded_bytes() - before < 100 * depth.nbytes
+    assert uploaded_bytes() - before < len(distances) * depth.nbytes

@@ -16,6 +16,7 @@ import OpenEXR
 import pytest
 import tifffile
 from dofsim import io
+from interrupts import HANG_S
 
 READERS = [io.read_color, io.read_depth]
 
@@ -186,7 +187,7 @@ def test_no_claim_is_believed_where_memory_is_short(tmp_path):
         [sys.executable, "-W", "ignore", "-c", READ_ALL, str(tmp_path)],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=HANG_S,
         check=False,
     )
     assert run.stdout == "done\n", run.stderr

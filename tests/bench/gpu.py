@@ -42,6 +42,11 @@ def median_ms(runs, work):
     return statistics.median(times)
 
 
+def spelled(value):
+    """Write a number with two places, and a small one with two digits, so that it is not written as none."""
+    return f"{value:.2f}" if value >= 0.1 else f"{value:.2g}"
+
+
 def device_ms(runs, scene, lens, method):
     """Give the median time on the device."""
     return statistics.median(sum(ms for _, ms in scene.profile(lens, method=method)) for _ in range(runs))
@@ -79,7 +84,7 @@ def table(arguments):
         for method in methods_available():
             try:
                 times = measured(arguments.runs, color, depth, lens, arguments.device, method)
-                shown = " | ".join(f"{value:.2f}" for value in times)
+                shown = " | ".join(map(spelled, times))
             except dofsim.DeviceError as error:
                 shown = str(error)
             yield f"| {method} | {name} | {radius} | {shown} |\n"

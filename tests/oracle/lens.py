@@ -2,7 +2,6 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 
 def lens_points(rings: int) -> NDArray[np.float64]:
@@ -13,6 +12,17 @@ def lens_points(rings: int) -> NDArray[np.float64]:
     return np.stack([x[inside], y[inside]], axis=-1)
 
 
+def moved(planes: NDArray[np.float64], rows: float, columns: float) -> NDArray[np.float64]:
+    """Read (H, W, 4) planes so far below and to the right: linear between pixels, mirrored at the borders."""
+    for axis, by in enumerate((rows, columns)):
+        size, whole = planes.shape[axis], int(np.floor(by))
+        at = np.abs(np.arange(size) + whole + 0.5) - 0.5, np.abs(np.arange(size) + whole + 1.5) - 0.5
+        first, second = (np.where(i < size, i, 2 * size - 1 - i).astype(int) for i in at)
+        share = by - whole
+        planes = (1.0 - share) * planes.take(first, axis) + share * planes.take(second, axis)
+    return planes
+
+
 def render(layers: list[tuple[NDArray[np.floating], float]], rings: int = 24) -> NDArray[np.float64]:
     """Render (premultiplied (H, W, 4) colour, shift in pixels) layers, nearest first, one shift a layer."""
     out = np.zeros(layers[0][0].shape)
@@ -21,11 +31,7 @@ def render(layers: list[tuple[NDArray[np.floating], float]], rings: int = 24) ->
         passed = np.ones(out.shape[:2])
         for color, shift in layers:
             # The ray through pixel p and lens point l meets the layer at p + shift * l.
-            moved = [
-                ndimage.shift(plane, (-shift * y, -shift * x), order=1, mode="reflect")
-                for plane in np.moveaxis(color.astype(np.float64), -1, 0)
-            ]
-            for c, plane in enumerate(moved):
-                out[..., c] += passed * plane
-            passed = passed * (1.0 - moved[3])
+            seen = moved(color.astype(np.float64), shift * y, shift * x)
+            out += passed[..., None] * seen
+            passed = passed * (1.0 - seen[..., 3])
     return out / len(points)
