@@ -8,7 +8,7 @@ import dofsim
 import numpy as np
 import pytest
 import typer
-from dofsim import _options, cli, io
+from dofsim import _command_options, cli, io
 from dofsim.cli import run
 
 LENS = {"aperture_radius": 0.03, "focus_distance": 3.0, "fov": 40.0}
@@ -440,6 +440,6 @@ def test_a_command_has_each_option_of_its_groups_once(command, groups):
     found = [parameter.name for parameter in typer.main.get_command(cli.app).commands[command].params]
     assert len(found) == len(set(found))
     for group in groups:
-        own = [field.name for field in dataclasses.fields(getattr(_options, group))]
+        own = [field.name for field in dataclasses.fields(getattr(_command_options, group))]
         first = found.index(own[0])
         assert found[first : first + len(own)] == own

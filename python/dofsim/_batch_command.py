@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from . import _options as options
+from . import _command_options as options
+from . import _options
 
 if TYPE_CHECKING:
     from .batch import Frame, Row
@@ -148,23 +149,25 @@ def batch_command(
             replace(row, color=row.color.absolute(), depth=row.depth and row.depth.absolute()) for row in rows
         ]
     lens_file, focus_at = lens_options.lens_file, lens_options.focus_at
-    words, opening = options.read_settings(lens_file, lens_options.words, vars(aperture_options))
+    words, opening = _options.read_settings(lens_file, lens_options.words, vars(aperture_options))
     ranges = {
-        name: options.read_numbers(f"--random-{name.replace('_', '-')}", text, float, "two numbers, LOW,HIGH")
+        name: _options.read_numbers(
+            f"--random-{name.replace('_', '-')}", text, float, "two numbers, LOW,HIGH"
+        )
         for name, text in (("aperture_radius", random_aperture_radius), ("f_number", random_f_number))
         if text is not None
     }
     if random_focus and focus_at is not None:
         raise ValueError("--random-focus and --focus-at exclude each other")
-    pixel = options.read_pixel(focus_at) if focus_at is not None else None
+    pixel = _options.read_pixel(focus_at) if focus_at is not None else None
     suffix = "." + suffix.lower().removeprefix(".")
-    options.one_of("--format", suffix, io.SUFFIXES)
+    _options.one_of("--format", suffix, io.SUFFIXES)
     kind, depth_words = depth_options.read()
     reading = {
         "layer": render_options.layer,
         **depth_words,
-        "transfer": options.one_of("--transfer", render_options.transfer, io.TRANSFERS),
-        "alpha": options.one_of("--alpha", render_options.alpha, io.ALPHAS),
+        "transfer": _options.one_of("--transfer", render_options.transfer, io.TRANSFERS),
+        "alpha": _options.one_of("--alpha", render_options.alpha, io.ALPHAS),
     }
     rendering = {
         "method": render_options.method,
@@ -190,13 +193,13 @@ def batch_command(
             seed=random.getrandbits(63) if focus == "random" else 0,
             reading=reading,
             options=rendering,
-            dtype=options.one_of("--dtype", dtype, io.SAMPLE_TYPES),
+            dtype=_options.one_of("--dtype", dtype, io.SAMPLE_TYPES),
             outputs=tuple(outputs.split(",")),
             slices=slices,
             sharp_radius_px=sharp_radius_px,
         )
         try:
-            options.make_lens(frame.lens if focus is None else options.without_focus(frame.lens))
+            _options.make_lens(frame.lens if focus is None else _options.without_focus(frame.lens))
         except ValueError as error:
             raise ValueError(f"{row.color}: {error}" if row.lens else str(error)) from error
         frames.append(frame)
@@ -223,7 +226,7 @@ def _rows(color: str | None, depth: str | None, manifest: Path | None, output: P
 
 
 def _has_focus(words: dict[str, Any]) -> bool:
-    return options.focus_word(words) in words
+    return _options.focus_word(words) in words
 
 
 def _check_paths(frames: list[Frame], output: Path, lists: list[Path]) -> None:

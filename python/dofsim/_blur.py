@@ -17,7 +17,7 @@ class Blur:
     Attributes
     ----------
     axial : AxialBlur
-        What knows the optics of the lens.
+        The optics of the lens on its axis.
     """
 
     axial: AxialBlur

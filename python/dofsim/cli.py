@@ -17,7 +17,8 @@ import typer
 
 import dofsim
 
-from . import _options as options
+from . import _command_options as options
+from . import _options
 from ._batch_command import batch_command
 
 app = typer.Typer(
@@ -131,16 +132,16 @@ def render_command(
         depth,
         layer=render_options.layer,
         **reading,
-        transfer=options.one_of("--transfer", render_options.transfer, io.TRANSFERS),
+        transfer=_options.one_of("--transfer", render_options.transfer, io.TRANSFERS),
     )
     words, opening = lens_options.read(rgbd.depth, aperture_options, **kind)
     picture = io.Image(rgbd.color, rgbd.transfer, rgbd.alpha)
-    if chosen := options.one_of("--alpha", render_options.alpha, io.ALPHAS):
+    if chosen := _options.one_of("--alpha", render_options.alpha, io.ALPHAS):
         picture = replace(picture, alpha=chosen)
     color = picture.to_linear()
     has_alpha = picture.alpha != "none"
 
-    lens = options.make_lens(words)
+    lens = _options.make_lens(words)
     scene_words: dict[str, Any] = {
         **kind,
         "device": render_options.device,
@@ -155,7 +156,7 @@ def render_command(
     result = dofsim.render(color, rgbd.depth, lens, **scene_words, **method_words)
     seconds = time.perf_counter() - start
 
-    sample_type = options.one_of("--dtype", dtype, io.SAMPLE_TYPES)
+    sample_type = _options.one_of("--dtype", dtype, io.SAMPLE_TYPES)
     if sample_type is None and rgbd.color.dtype == "uint16" and io.holds(output, "uint16"):
         sample_type = "uint16"
     io.write_image(output, result, alpha="premultiplied" if has_alpha else "none", dtype=sample_type)
@@ -185,7 +186,7 @@ def coc_command(
     kind, reading = depth_options.read()
     plane = io.read_depth(depth, **{name.removeprefix("depth_"): value for name, value in reading.items()})
     words, _ = lens_options.read(plane, **kind)
-    lens = options.make_lens(words)
+    lens = _options.make_lens(words)
     radius = dofsim.coc(plane, lens, **kind, invalid=depth_options.invalid)
     if output.suffix.lower() == ".png":
         from .falsecolor import draw_coc

@@ -1,4 +1,4 @@
-//! Colour and depth together: what a picture is made of.
+//! The picture and its depth as the caller gave them, before a lens is known.
 
 use super::color::{ColorFormat, brighter_than_usual, color_shape, read_format, read_layer_color};
 use super::depth::read_depth;
