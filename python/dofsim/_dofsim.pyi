@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from typing_extensions import Unpack
 
 __all__ = [
+    "HIGHLIGHT_RATIO",
     "Aperture",
     "AxialBlur",
     "Device",
@@ -92,6 +93,7 @@ class _SpritesOptions(TypedDict, total=False):
     coc_threshold_px: float | None
     max_coc_px: float | None
 
+HIGHLIGHT_RATIO: float
 __version__: str
 
 class DeviceError(RuntimeError): ...

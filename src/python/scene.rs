@@ -52,28 +52,28 @@ pub struct PyScene {
     kind: DepthKind,
     depth_words: (String, Option<f64>, Option<f64>),
     invalid: Invalid,
-    /// The scene in disparity, with the rays that it was converted with, where they matter.
-    scene: Mutex<Option<(Option<Rays>, Arc<Renderer>)>>,
+    /// The picture in disparity on its device, with the rays that it was converted with, where they matter.
+    renderer: Mutex<Option<(Option<Rays>, Arc<Renderer>)>>,
 }
 
 impl PyScene {
-    /// The scene in disparity, as this lens needs it.
-    fn scene(&self, lens: &Lens) -> PyResult<Arc<Renderer>> {
+    /// The picture in disparity, as this lens needs it.
+    fn renderer(&self, lens: &Lens) -> PyResult<Arc<Renderer>> {
         let (depth_kind, near, far) = (self.depth_words.0.as_str(), self.depth_words.1, self.depth_words.2);
         read_depth_kind(&DepthWords { depth_kind, near, far }, lens)?;
         let size = self.input.size;
         let rays = self.frame.geometry(size).rays(lens).filter(|_| self.kind.needs_rays());
-        // As for the sheets of a scene, the lock is not held over parallel work.
-        let cached = || self.scene.lock().unwrap_or_else(PoisonError::into_inner);
+        // As for the layers of a scene, the lock is not held over parallel work.
+        let cached = || self.renderer.lock().unwrap_or_else(PoisonError::into_inner);
         let at_hand =
             cached().as_ref().filter(|(made_with, _)| *made_with == rays).map(|(_, s)| Arc::clone(s));
-        if let Some(scene) = at_hand {
-            return Ok(scene);
+        if let Some(renderer) = at_hand {
+            return Ok(renderer);
         }
         let picture = self.input.picture(self.kind, rays, self.invalid)?;
-        let scene = Arc::new(Renderer::new(picture, self.format().lights(size), self.frame.supersample));
-        *cached() = Some((rays, Arc::clone(&scene)));
-        Ok(scene)
+        let renderer = Arc::new(Renderer::new(picture, self.format().lights(size), self.frame.supersample));
+        *cached() = Some((rays, Arc::clone(&renderer)));
+        Ok(renderer)
     }
 
     fn format(&self) -> &ColorFormat {
@@ -98,7 +98,7 @@ impl PyScene {
         let geometry = self.frame.geometry(size);
         let imagings: Vec<Imaging> =
             lenses.iter().map(|lens| geometry.imaging(lens)).collect::<crate::error::Result<_>>()?;
-        let scene = self.scene(&lenses[0])?;
+        let renderer = self.renderer(&lenses[0])?;
         let (simd, device) = (simd()?, self.device);
         let rendered = self.frame.resolved(size);
         let output = Output {
@@ -109,7 +109,7 @@ impl PyScene {
             stacked,
         };
         output.fill(py, out, threads, |outs, cancel| {
-            scene.render_each(&imagings, method, device, simd, cancel, outs)
+            renderer.render_each(&imagings, method, device, simd, cancel, outs)
         })
     }
 
@@ -151,7 +151,7 @@ impl PyScene {
         let input = Input::read(color, depth, alpha, transfer)?;
         let frame = Frame::new(input.size, overscan, supersample)?;
         let depth_words = (depth_kind.to_owned(), near, far);
-        Ok(PyScene { input, frame, device, kind, depth_words, invalid, scene: Mutex::new(None) })
+        Ok(PyScene { input, frame, device, kind, depth_words, invalid, renderer: Mutex::new(None) })
     }
 
     /// The scene through a lens.

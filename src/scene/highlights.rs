@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 /// A cell is a highlight when it is brighter than this many times its surroundings. A sample of 512 then changes a
 /// pixel of the disc by one hundredth of the surroundings when it comes or goes.
-const BRIGHTER: f32 = 5.0;
+pub const HIGHLIGHT_RATIO: f32 = 5.0;
 /// Blocks on each side whose mean is "the surroundings".
 const AROUND: usize = 2;
 
@@ -104,7 +104,7 @@ impl BlockLight {
 
     /// The limits that traverse from the light at hand.
     fn limits(&self) -> Vec<f32> {
-        let limit = |b: usize| BRIGHTER * brightness(&self.around(b), light_channels(self.size));
+        let limit = |b: usize| HIGHLIGHT_RATIO * brightness(&self.around(b), light_channels(self.size));
         (0..self.light.len()).into_par_iter().map(limit).collect()
     }
 

@@ -12,6 +12,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 import dofsim
+from dofsim._dofsim import HIGHLIGHT_RATIO
 
 from ._peel import peel
 from ._variant import check_variant
@@ -20,13 +21,10 @@ from ._view import View, load_scene, render
 __all__ = ["Capture", "rgbd"]
 
 
-# Neighbours farther apart than this share of a picture's range of disparity are not on one surface: by a
-# pixel of blur where the whole range makes 32.
+# Neighbours farther apart than this share of a picture's range of disparity are not on one surface. The "lens"
+# method tells surfaces apart by a pixel of blur, and the lens is not known here: for one that makes 32 pixels of
+# the whole range, as wide a blur as most pictures have, this is a pixel.
 SILHOUETTE = 1.0 / 32.0
-# What is so much brighter than the median is a highlight, as for the "lens" method what outshines its
-# surroundings so much.
-BRIGHTER = 5.0
-
 
 @dataclass(frozen=True, eq=False)
 class Capture:
@@ -180,7 +178,7 @@ def averaged(
         return first
     disparity = np.where(there, 1.0 / depth, 0.0)
     light = np.maximum(first[..., :3].sum(axis=-1), means.sum(axis=-1))
-    highlight = light > BRIGHTER * np.median(light[there])
+    highlight = light > HIGHLIGHT_RATIO * np.median(light[there])
     silhouette = np.ptp(_around(disparity), axis=(-2, -1)) > np.ptp(disparity[there]) * SILHOUETTE
     mixed = (_around(highlight).any(axis=(-2, -1)) & silhouette) | ~_around(there).all(axis=(-2, -1))
     out = first.copy()

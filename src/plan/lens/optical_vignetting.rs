@@ -182,7 +182,10 @@ mod tests {
                     let inside = |l: &&[f64; 2]| (l[0] - apart * cos).hypot(l[1] - apart * sin) <= 1.0;
                     points.iter().filter(inside).count() as f64 / points.len() as f64
                 });
-                assert_eq!(open_parts(&points, [cos, sin]), counted);
+                // A point on the very rim may be rounded to either side.
+                let apart =
+                    open_parts(&points, [cos, sin]).into_iter().zip(counted).map(|(a, b)| (a - b).abs());
+                assert!(apart.fold(0.0, f64::max) <= 1.01 / points.len() as f64);
             }
         }
     }
