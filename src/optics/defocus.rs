@@ -28,6 +28,26 @@ impl Optics {
         disparities.map(|d| self.shift_px(f64::from(d)).abs()).into_iter().fold(0.0, f64::max)
     }
 
+    /// The distance in metres whose circle of confusion has this signed radius, positive behind the focus; infinite if
+    /// no distance has so large a one. Of a metric scene only.
+    pub fn distance_m(&self, radius_px: f64) -> f64 {
+        let disparity = self.d_focus - radius_px / self.k;
+        if disparity > 0.0 { 1.0 / disparity } else { f64::INFINITY }
+    }
+
+    /// The nearest and the farthest distance in metres no more blurred than this radius. Of a metric scene only.
+    pub fn limits_m(&self, radius_px: f64) -> (f64, f64) {
+        if self.k == 0.0 {
+            return (0.0, f64::INFINITY);
+        }
+        (self.distance_m(-radius_px), self.distance_m(radius_px))
+    }
+
+    /// The nearest distance in focus, in metres, that leaves infinity no more blurred than this radius: `k / radius`.
+    pub fn hyperfocal_m(&self, radius_px: f64) -> f64 {
+        self.k / radius_px
+    }
+
     /// `factor` times the distance from the focus plane.
     pub fn defocus(&self, measure: Measure, factor: f64) -> Defocus {
         let scale = match measure {
@@ -62,6 +82,20 @@ pub struct Defocus {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn limits_of_sharpness_have_the_radius_that_was_asked_for() {
+        let optics = Optics { k: 60.0, d_focus: 0.5 };
+        let (near, far) = optics.limits_m(2.0);
+        for (z, radius) in [(near, -2.0), (far, 2.0)] {
+            assert!((optics.shift_px(1.0 / z) + radius).abs() < 1e-9);
+        }
+        // Focused at the hyperfocal distance, infinity is just as blurred as that.
+        let focused = Optics { d_focus: 1.0 / optics.hyperfocal_m(2.0), ..optics };
+        assert!((focused.shift_px(0.0) + 2.0).abs() < 1e-9);
+        assert_eq!(optics.limits_m(31.0).1, f64::INFINITY);
+        assert_eq!(Optics { k: 0.0, ..optics }.limits_m(1.0), (0.0, f64::INFINITY));
+    }
 
     #[test]
     fn distances_from_the_focus_are_signed_and_may_be_infinite() {

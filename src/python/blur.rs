@@ -46,22 +46,11 @@ impl AxialBlur {
 
     /// The nearest and the farthest distance no more blurred than this radius.
     fn limits(&self, radius_px: f64) -> (f64, f64) {
-        if self.optics.k == 0.0 {
-            return (0.0, f64::INFINITY);
-        }
-        (self.distance(-radius_px), self.distance(radius_px))
+        self.optics.limits_m(radius_px)
     }
 
     /// The nearest distance in focus that leaves infinity no more blurred than this radius: `k / radius`.
     fn hyperfocal(&self, radius_px: f64) -> f64 {
-        self.optics.k / radius_px
-    }
-}
-
-impl AxialBlur {
-    /// The distance in metres of this signed radius; infinite if the radius is larger than that of any distance.
-    fn distance(&self, radius_px: f64) -> f64 {
-        let disparity = self.optics.d_focus - radius_px / self.optics.k;
-        if disparity > 0.0 { 1.0 / disparity } else { f64::INFINITY }
+        self.optics.hyperfocal_m(radius_px)
     }
 }
