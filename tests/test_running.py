@@ -92,9 +92,9 @@ def test_the_interpreter_is_free_while_a_render_waits_for_another():
         time.sleep(0.005)
         ticks.append(time.process_time())
     second.join()
-    assert len(ticks) > 20, "too short a render to tell"
     # Whoever waits for workers with the interpreter in hand keeps it until they are free.
     assert max(np.diff(ticks)) < 0.5 * (ticks[-1] - ticks[0])
+    assert len(ticks) > 20, "too short a render to tell"
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals are sent the POSIX way")
