@@ -470,7 +470,7 @@ def test_depth_round_trips_in_full(tmp_path, rng, suffix):
 
 
 def test_picture_and_depth_in_two_files_must_agree(tmp_path):
-    io.write_image(tmp_path / "a.png", np.zeros((4, 6, 3), np.uint8))
+    io.write_image(tmp_path / "a.png", np.arange(72, dtype=np.uint8).reshape(4, 6, 3))
     io.write_depth(tmp_path / "z.pfm", np.ones((4, 6)))
     color, depth = io.read_rgbd(tmp_path / "a.png", tmp_path / "z.pfm")
     assert (color.dtype, depth.dtype) == (np.uint8, np.float32)

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _dofsim
+from ._names import listed
 
 StrPath = str | os.PathLike[str]
 
@@ -43,11 +44,11 @@ def read_npz(path: StrPath, name: str | None, expected: Sequence[str]) -> NDArra
         known = [one for one in expected if one in names]
         if not known and len(names) != 1:
             raise ValueError(
-                f"{path}: none of its arrays is called {' or '.join(expected)}; arrays: {', '.join(names)}"
+                f"{path}: none of its arrays is called {' or '.join(expected)}; arrays: {listed(names)}"
             )
         name = known[0] if known else names[0]
     if name not in names:
-        raise ValueError(f"{path}: there is no array {name!r}; arrays: {', '.join(names)}")
+        raise ValueError(f"{path}: there is no array {name!r}; arrays: {listed(names)}")
     with _damage(path), zipfile.ZipFile(path) as archive, archive.open(f"{name}.npy") as file:
         return _read_member(file, archive.getinfo(f"{name}.npy").file_size)
 

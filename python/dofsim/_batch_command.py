@@ -17,6 +17,7 @@ import typer
 
 from . import _command_options as options
 from . import _options
+from ._names import printable
 
 if TYPE_CHECKING:
     from .batch import Frame, Row
@@ -220,7 +221,7 @@ def _rows(color: str | None, depth: str | None, manifest: Path | None, output: P
     elif color is not None:
         found = pair_files(color, depth, exclude=output)
         for path in found.unmatched:
-            print(f"dofsim: {path}: has no partner and is left out", file=sys.stderr)
+            print(f"dofsim: {printable(str(path))}: has no partner and is left out", file=sys.stderr)
         for name, (picture, plane) in found.pairs.items():
             yield Row(name=name, color=picture, depth=plane)
 
@@ -298,7 +299,8 @@ def _run(frames: list[Frame], output: Path, *, workers: int, dask: str | None, r
             counts[result.status] += 1
             progress.update()
             if result.error is not None:
-                tqdm.write(f"dofsim: {result.frame.output}: {result.error}", file=sys.stderr)
+                message = printable(f"{result.frame.output}: {result.error}")
+                tqdm.write(f"dofsim: {message}", file=sys.stderr)
     seconds = time.perf_counter() - start
     print(
         f"{output}: {counts['written']} written, {counts['skipped']} there already, "

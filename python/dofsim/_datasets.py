@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from . import _dofsim
 from ._arrays import StrPath
+from ._names import listed
 
 # The number 202021.25 as a little-endian float, which begins Sintel's files of depth and of optical flow.
 _DPT_START = b"PIEH"
@@ -84,10 +85,10 @@ def read_hdf5(path: StrPath, name: str | None) -> NDArray[Any]:
             names = [key for key in here if isinstance(file.get(key), h5py.Dataset)]
             if name is None:
                 if len(names) != 1:
-                    raise ValueError(f"{path}: holds several data sets or none, name one: {', '.join(names)}")
+                    raise ValueError(f"{path}: holds several data sets or none, name one: {listed(names)}")
                 name = names[0]
             if not isinstance(file.get(name), h5py.Dataset):
-                raise ValueError(f"{path}: there is no data set {name!r}; data sets: {', '.join(names)}")
+                raise ValueError(f"{path}: there is no data set {name!r}; data sets: {listed(names)}")
             dataset = file[name]
             if dataset.external or dataset.is_virtual or dataset.file.filename != file.filename:
                 raise ValueError(f"{path}: the values of {name!r} are in other files, which are not followed")

@@ -20,6 +20,7 @@ import dofsim
 from . import _command_options as options
 from . import _options
 from ._batch_command import batch_command
+from ._names import listed, printable
 
 app = typer.Typer(
     help="Turn a pinhole picture and its depth into the picture that a real lens would have taken.",
@@ -86,7 +87,7 @@ def run(arguments: list[str]) -> int:
 def _fail(message: str, status: int) -> int:
     # Without arguments the help has been printed, and nothing is left to say.
     if message:
-        print(f"dofsim: {message}", file=sys.stderr)
+        print(f"dofsim: {printable(message)}", file=sys.stderr)
     return status
 
 
@@ -161,6 +162,7 @@ def render_command(
         sample_type = "uint16"
     io.write_image(output, result, alpha="premultiplied" if has_alpha else "none", dtype=sample_type)
     print(f"{output}: {result.shape[1]} x {result.shape[0]}, rendered in {seconds:.2f} s")
+    _say_channels(image, depth or image, rgbd.color_channels, rgbd.depth_channel)
     if profile:
         passes = dofsim.Scene(color, rgbd.depth, **scene_words).profile(lens, **method_words)
         for name, milliseconds in [*passes, ("all passes", sum(time for _, time in passes))]:
@@ -184,7 +186,8 @@ def coc_command(
 
     _check_output(output, [depth, lens_options.lens_file])
     kind, reading = depth_options.read()
-    plane = io.read_depth(depth, **{name.removeprefix("depth_"): value for name, value in reading.items()})
+    words = {name.removeprefix("depth_"): value for name, value in reading.items()}
+    plane, channel = io.read_named_depth(depth, **words)
     words, _ = lens_options.read(plane, **kind)
     lens = _options.make_lens(words)
     radius = dofsim.coc(plane, lens, **kind, invalid=depth_options.invalid)
@@ -197,6 +200,7 @@ def coc_command(
     else:
         io.write_image(output, radius)
     print(f"{output}: radius from {radius.min():+.2f} px (near) to {radius.max():+.2f} px (far)")
+    _say_channels(depth, depth, (), channel)
 
 
 app.command("batch", no_args_is_help=True)(batch_command)
@@ -254,6 +258,14 @@ def demo_command(
     print(f"against the ray traced reference: {demo.distance}")
     print(f"{demo.panel}: before, after, reference and difference")
     print(f"{demo.result}: the result in linear light")
+
+
+def _say_channels(image: Path, depth: Path, color: tuple[str, ...], plane: str | None) -> None:
+    """Say which channels of OpenEXR files were chosen."""
+    if color:
+        print(f"dofsim: {printable(str(image))}: the picture is {listed(color)}", file=sys.stderr)
+    if plane is not None:
+        print(f"dofsim: {printable(str(depth))}: the depth is {printable(plane)}", file=sys.stderr)
 
 
 def _check_output(output: Path, inputs: list[Path | None], suffixes: tuple[str, ...] | None = None) -> None:

@@ -26,6 +26,7 @@ from numpy.typing import DTypeLike, NDArray
 from . import _arrays, _datasets, _deep, _dofsim
 from ._alpha import premultiply
 from ._arrays import StrPath
+from ._channels import Channel
 from ._exr import ExrFile, list_channels, read_exr, write_exr
 from ._save import (
     ALPHAS,
@@ -77,11 +78,14 @@ class Image:
         How the values stand for light.
     alpha : {"none", "straight", "premultiplied"}
         What the last channel is if C is 2 or 4.
+    channels : tuple of str
+        The full names of the channels of an OpenEXR file that were read; empty for other files.
     """
 
     pixels: NDArray[Any]
     transfer: Transfer
     alpha: Alpha
+    channels: tuple[str, ...] = ()
 
     def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
         """Return the pixels."""
@@ -118,12 +122,18 @@ class RGBD:
         How the values of ``color`` stand for light.
     alpha : {"none", "straight", "premultiplied"}
         What the last channel of ``color`` is if C is 2 or 4.
+    color_channels : tuple of str
+        The full names of the channels of an OpenEXR file that ``color`` was read from; empty for other files.
+    depth_channel : str, optional
+        The full name of the channel of an OpenEXR file that ``depth`` was read from; None for other files.
     """
 
     color: NDArray[Any]
     depth: NDArray[np.float32]
     transfer: Transfer
     alpha: Alpha
+    color_channels: tuple[str, ...] = ()
+    depth_channel: str | None = None
 
     def __iter__(self) -> Iterator[NDArray[Any]]:
         """Yield the colour, then the depth."""
@@ -182,7 +192,7 @@ def read_color(
     if kind == "exr":
         file = ExrFile.of(path)
         channels = file.color_channels(layer)
-        return _exr_image(path, file.read(channels, data=window == "data", fill=0.0), transfer)
+        return _exr_image(path, file.read(channels, data=window == "data", fill=0.0), channels, transfer)
     if kind == "npz":
         pixels = _arrays.read_npz(path, layer, ("color", "rgba", "rgb"))
     elif kind == "npy":
@@ -214,7 +224,7 @@ def read_depth(
     ----------
     path : str or path-like
         A file of any kind that `read_color` reads, or Sintel's ``.dpt``. All but OpenEXR, NPZ and HDF5 must
-        have a single channel.
+        have a single channel, or several colours that are equal in every pixel.
     channel : str, optional
         Which channel of an OpenEXR file or which array of an NPZ or HDF5 file. Without it the channel is
         chosen by its name, see `dofsim._channels`; in an NPZ file it is ``depth``, ``z`` or the only array.
@@ -254,26 +264,16 @@ def read_depth(
     ...     read_depth(path)
     array([[1. , 2.5, inf]], dtype=float32)
     """
-    kind = _datasets.file_kind(path)
-    _positive(scale)
-    if kind == "exr":
-        file = ExrFile.of(path)
-        chosen = file.depth_channel(channel, layer)
-        depth = file.read([chosen], data=window == "data", fill=math.inf)
-    elif kind == "npz":
-        depth = _arrays.read_npz(path, channel, ("depth", "z"))
-    elif kind == "npy":
-        depth = _arrays.read_npy(path)
-    elif kind == "hdf5":
-        depth = _datasets.read_hdf5(path, channel)
-    elif kind == "dpt":
-        depth = _datasets.read_dpt(path)
-    else:
-        depth, _ = _dofsim.read_raster(path)
-    layers = kind in ("npy", "npz") and depth.ndim == 3
-    if depth.dtype.kind not in "fui" or (depth.ndim != 2 and not layers) or depth.size == 0:
-        raise ValueError(f"{path}: found {_describe(depth)}; a depth map has one channel of numbers")
-    return _measured(depth, scale, missing, background)
+    depth, _ = read_named_depth(
+        path,
+        channel=channel,
+        scale=scale,
+        missing=missing,
+        background=background,
+        layer=layer,
+        window=window,
+    )
+    return depth
 
 
 def read_rgbd(
@@ -354,13 +354,13 @@ def read_rgbd(
             channels = file.color_channels(layer)
             chosen = file.depth_channel(depth_channel, layer)
             pixels, plane = file.read_both(channels, chosen, data=window == "data")
-            image = _exr_image(color_path, pixels, transfer)
+            image = _exr_image(color_path, pixels, channels, transfer)
             depth = _measured(plane, depth_scale, depth_missing, depth_background)
-            return _checked_rgbd(color_path, image, depth)
+            return _checked_rgbd(color_path, image, depth, chosen.full)
         if (kind := _datasets.file_kind(color_path)) != "npz":
             raise ValueError(f"{color_path}: a file of kind {kind} holds no depth beside the picture")
     image = read_color(color_path, layer=layer, transfer=transfer, window=window)
-    depth = read_depth(
+    plane, name = read_named_depth(
         color_path if depth_path is None else depth_path,
         channel=depth_channel,
         scale=depth_scale,
@@ -369,21 +369,73 @@ def read_rgbd(
         layer=layer if depth_path is None else None,
         window=window,
     )
-    return _checked_rgbd(color_path, image, depth)
+    return _checked_rgbd(color_path, image, plane, name)
 
 
-def _exr_image(path: StrPath, pixels: NDArray[np.float32], transfer: Transfer | None) -> Image:
+def read_named_depth(
+    path: StrPath,
+    *,
+    channel: str | None = None,
+    scale: float = 1.0,
+    missing: float | None = None,
+    background: float | None = None,
+    layer: str | None = None,
+    window: Window = "display",
+) -> tuple[NDArray[np.float32], str | None]:
+    """Read the depth of a file as `read_depth` does, and the full name of its channel in an OpenEXR file."""
+    kind = _datasets.file_kind(path)
+    _positive(scale)
+    name = None
+    if kind == "exr":
+        file = ExrFile.of(path)
+        chosen = file.depth_channels(channel, layer)
+        name = chosen[0].full
+        depth = file.read(chosen, data=window == "data", fill=math.inf)
+    elif kind == "npz":
+        depth = _arrays.read_npz(path, channel, ("depth", "z"))
+    elif kind == "npy":
+        depth = _arrays.read_npy(path)
+    elif kind == "hdf5":
+        depth = _datasets.read_hdf5(path, channel)
+    elif kind == "dpt":
+        depth = _datasets.read_dpt(path)
+    else:
+        depth, _ = _dofsim.read_raster(path)
+    layers = kind in ("npy", "npz") and depth.ndim == 3
+    if not layers:
+        depth = _of_one_colour(path, depth)
+    if depth.dtype.kind not in "fui" or (depth.ndim != 2 and not layers) or depth.size == 0:
+        raise ValueError(f"{path}: found {_describe(depth)}; a depth map has one channel of numbers")
+    return _measured(depth, scale, missing, background), name
+
+
+def _of_one_colour(path: StrPath, depth: NDArray[Any]) -> NDArray[Any]:
+    """Take one channel of a map whose colours are all equal, as programs without grey pictures write it."""
+    if depth.ndim != 3 or depth.shape[-1] not in (3, 4):
+        return depth
+    if not all(np.array_equal(depth[..., 0], depth[..., one]) for one in (1, 2)):
+        raise ValueError(
+            f"{path}: found {_describe(depth)}, whose colours differ; a depth map has one channel of "
+            "numbers, or equal ones"
+        )
+    return np.ascontiguousarray(depth[..., 0])
+
+
+def _exr_image(
+    path: StrPath, pixels: NDArray[np.float32], channels: list[Channel], transfer: Transfer | None
+) -> Image:
     """Give the pixels of an OpenEXR file their meaning: linear light, premultiplied."""
     _check_color(path, pixels, layers=False, transfer=transfer)
     has_alpha = pixels.ndim == 3 and pixels.shape[-1] in (2, 4)
-    return Image(pixels, "linear", "premultiplied" if has_alpha else "none")
+    names = tuple(channel.full for channel in channels)
+    return Image(pixels, "linear", "premultiplied" if has_alpha else "none", names)
 
 
-def _checked_rgbd(path: StrPath, image: Image, depth: NDArray[np.float32]) -> RGBD:
+def _checked_rgbd(path: StrPath, image: Image, depth: NDArray[np.float32], depth_channel: str | None) -> RGBD:
     """Put a picture and its depth together, if they are of one size."""
     if image.pixels.shape[: depth.ndim] != depth.shape or image.pixels.ndim > depth.ndim + 1:
         raise ValueError(f"{path}: the picture is {_describe(image.pixels)}, its depth {_describe(depth)}")
-    return RGBD(image.pixels, depth, image.transfer, image.alpha)
+    return RGBD(image.pixels, depth, image.transfer, image.alpha, image.channels, depth_channel)
 
 
 def _positive(scale: float) -> float:
