@@ -64,6 +64,45 @@ def test_memory_layout_does_not_matter():
         np.testing.assert_array_equal(dofsim.render(c, d, LENS), expected)
 
 
+@pytest.mark.parametrize("dtype", [np.uint16, np.float16, np.float32, np.float64])
+def test_fields_of_packed_records_are_read_in_order(dtype):
+    color, depth = scene(dtype=dtype)
+    depth = depth + np.linspace(0, 1, depth.size, dtype=np.float32).reshape(depth.shape)
+    fields = [("label", "u1"), ("color", dtype, 3), ("z", "f4")]
+    records = np.zeros(depth.shape, fields)
+    records["color"], records["z"] = color, depth
+    options = {"transfer": "linear", "device": "cpu"}
+    expected = dofsim.render(color, depth, LENS, **options)
+    for turned in (slice(None), slice(None, None, -1)):
+        c, z = records["color"][turned], records["z"][turned]
+        np.testing.assert_array_equal(dofsim.render(c[turned], z[turned], LENS, **options), expected)
+        np.testing.assert_array_equal(dofsim.coc(z[turned], LENS), dofsim.coc(depth, LENS))
+    for y, x in ((0, 0), (11, 20), (23, 31)):
+        assert LENS.focused_at(records["z"], x, y) == LENS.focused_at(depth, x, y)
+    planes = np.zeros(depth.shape, [("label", "u1"), ("t", "f8")])
+    planes["t"] = depth
+    assert Aperture(image=planes["t"]) == Aperture(image=depth.astype(np.float64))
+    words = {"method": "sprites", **options}
+    np.testing.assert_array_equal(
+        dofsim.render(color, depth, LENS, sprite=planes["t"], **words),
+        dofsim.render(color, depth, LENS, sprite=planes["t"].copy(), **words),
+    )
+
+
+def test_the_other_byte_order_and_any_address_are_read():
+    color, depth = scene()
+    expected = dofsim.render(color, depth, LENS)
+    np.testing.assert_array_equal(dofsim.render(color.astype(">f4"), depth.astype(">f4"), LENS), expected)
+    buffer = np.zeros(color.nbytes + 3, np.uint8)[3:]
+    unaligned = buffer.view(np.float32).reshape(color.shape)
+    unaligned[...] = color
+    np.testing.assert_array_equal(dofsim.render(unaligned, depth, LENS), expected)
+    with pytest.raises(ValueError, match="out must be C-contiguous and aligned"):
+        dofsim.render(color, depth, LENS, out=unaligned)
+    with pytest.raises(TypeError, match="out must have the dtype of color, float32; got >f4"):
+        dofsim.render(color, depth, LENS, out=color.astype(">f4"))
+
+
 def test_inputs_are_only_read():
     color, depth = scene()
     before = color.copy(), depth.copy()

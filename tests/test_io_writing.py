@@ -23,6 +23,20 @@ def test_linear_floats_become_srgb_integers_and_back(tmp_path):
 
 
 def test_integers_keep_their_codes_unless_they_are_linear(tmp_path):
+def test_fields_of_packed_records_are_written_in_order(tmp_path):
+    values = np.arange(12, dtype=np.float32).reshape(3, 4)
+    records = np.zeros(values.shape, [("label", "u1"), ("z", "f4")])
+    records["z"] = values
+    unaligned = np.frombuffer(b"." + values.tobytes(), np.uint8)[1:].view(np.float32).reshape(3, 4)
+    for given in (records["z"], unaligned, values.astype(">f4")):
+        for suffix in ("exr", "pfm", "tif", "npy"):
+            path = tmp_path / f"a.{suffix}"
+            io.write_depth(path, given)
+            np.testing.assert_array_equal(io.read_depth(path), values)
+            io.write_image(path, given)
+            np.testing.assert_array_equal(io.read_color(path).pixels, values)
+
+
     path = tmp_path / "a.png"
     codes = np.arange(256, dtype=np.uint8).reshape(16, 16)
     io.write_image(path, codes)

@@ -3,6 +3,7 @@
 use super::lens::cameras::read_camera;
 use super::lens::hash_words;
 use crate::aperture::{Aperture, Picture};
+use super::samples::array;
 use crate::error::value_error;
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -99,7 +100,7 @@ impl Image {
     /// Reads an array, or the file of this path.
     fn read(given: &Bound<'_, PyAny>) -> PyResult<Image> {
         let read = given.py().import("dofsim._transmission")?.call_method1("read_transmission", (given,))?;
-        let array: PyReadonlyArray2<f64> = read.extract()?;
+        let array: PyReadonlyArray2<f64> = array("image", &read)?.extract()?;
         let array = array.as_array();
         Ok(Image { columns: array.ncols(), values: Arc::new(array.iter().copied().collect()) })
     }

@@ -100,7 +100,7 @@ pub struct DepthPlanes {
 
 /// Reads depth as it is, without taking it for anything.
 pub fn read_depth(depth: &Bound<'_, PyAny>) -> PyResult<DepthPlanes> {
-    let array = array("depth", depth)?;
+    let array = &array("depth", depth)?;
     let sample_type = sample_type("depth", array, false)?;
     let shape = array.shape();
     let (layers, height, width) = match *shape {

@@ -202,6 +202,7 @@ impl<'py> Options<'_, 'py> {
             let shown = shown(&value);
             PyTypeError::new_err(format!("{name} must be a two-dimensional array of numbers; got {shown}"))
         };
+        let array = super::samples::array(name, &array)?;
         let numpy = value.py().import("numpy")?;
         let array = numpy.call_method1("asarray", (&value, "float64")).map_err(refused)?;
         let array: PyReadonlyArray2<f64> = array.extract().map_err(|e: PyErr| refused(e))?;
