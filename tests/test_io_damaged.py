@@ -13,6 +13,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import OpenEXR
+import PIL.Image
 import pytest
 import tifffile
 from dofsim import io
@@ -231,6 +232,55 @@ def test_files_with_wrong_bytes_are_read_or_refused(tmp_path):
                 unnamed += str(path) not in str(error)
     assert unnamed == 0
     assert refused > 500
+
+
+def jpeg(**words):
+    y, x = np.mgrid[:90, :120]
+    pixels = np.stack([2 * x, 2 * y, (x + y) % 256], -1).astype(np.uint8)
+    buffer = bytes_io.BytesIO()
+    PIL.Image.fromarray(pixels).convert(words.pop("mode", "RGB")).save(buffer, "jpeg", **words)
+    return buffer.getvalue()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        {},
+        {"progressive": True},
+        {"subsampling": 0},
+        {"mode": "L"},
+        {"mode": "CMYK"},
+        {"quality": 100, "restart_marker_blocks": 3},
+        {"restart_marker_rows": 1, "progressive": True},
+    ],
+)
+def test_a_jpeg_that_is_not_whole_is_no_picture(tmp_path, words):
+    path = tmp_path / "a.jpg"
+    whole = jpeg(**words)
+    # What follows the picture is not part of it.
+    for end in (b"", b"more"):
+        path.write_bytes(whole + end)
+        with PIL.Image.open(path) as image:
+            expected = np.asarray(image.convert("L" if image.mode == "L" else "RGB"))
+        # Decoders round, and filter colours that are stored at half the size, in ways of their own.
+        assert np.abs(io.read_color(path).pixels.astype(int) - expected).mean() < 2
+    for length in np.linspace(2, len(whole) - 1, 60).astype(int):
+        path.write_bytes(whole[:length])
+        with pytest.raises(ValueError, match=r"a\.jpg: (damaged file|found an unknown)"):
+            io.read_color(path)
+
+
+def test_a_progressive_jpeg_with_wrong_bytes_is_refused_where_its_codes_make_no_sense(tmp_path):
+    whole, refused = jpeg(progressive=True, quality=95), 0
+    for place in np.linspace(len(whole) // 4, len(whole) - 3, 60).astype(int):
+        data = bytearray(whole)
+        data[place] ^= 0x55
+        (tmp_path / "a.jpg").write_bytes(data)
+        try:
+            io.read_color(tmp_path / "a.jpg")
+        except ValueError:
+            refused += 1
+    assert refused > 10
 
 
 @pytest.mark.parametrize("size", [(0, 9), (9, 0)])

@@ -1,4 +1,4 @@
-//! Pictures in the common formats, read by the `image` crate: PNG, JPEG, WebP, BMP and Radiance HDR.
+//! Pictures in the common formats, read by the `image` crate: PNG, WebP, BMP and Radiance HDR.
 
 use super::error::Problem;
 use super::raster::{Alpha, Raster, Samples};
@@ -16,10 +16,7 @@ pub(super) fn read(source: Source, format: ImageFormat) -> Result<Raster, Proble
     let mut decoder = reader.into_decoder()?;
     let refuse = |found: String| Problem::Unsupported { found, accepted: ACCEPTED };
     check_claim(u128::from(decoder.total_bytes()), length)?;
-    let orientation = decoder.orientation()?;
-    if orientation != Orientation::NoTransforms {
-        return Err(refuse(format!("a picture to be shown with orientation {}", orientation.to_exif())));
-    }
+    check_orientation(decoder.orientation()?)?;
 
     let (width, height) = decoder.dimensions();
     let (channels, alpha) = match decoder.color_type() {
@@ -51,6 +48,17 @@ impl From<ImageError> for Problem {
             ImageError::IoError(error) => error.into(),
             ImageError::Unsupported(what) => {
                 Self::Unsupported { found: what.to_string(), accepted: ACCEPTED }
+/// Refuses a picture that is stored turned or mirrored: its depth is not.
+pub(super) fn check_orientation(orientation: Orientation) -> Result<(), Problem> {
+    match orientation {
+        Orientation::NoTransforms => Ok(()),
+        turned => Err(Problem::Unsupported {
+            found: format!("a picture to be shown with orientation {}", turned.to_exif()),
+            accepted: ACCEPTED,
+        }),
+    }
+}
+
             }
             other => Self::Damaged(other.to_string()),
         }
