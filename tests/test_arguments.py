@@ -170,7 +170,16 @@ WRONG = {
     "metric lens": ({"depth_kind": "disparity"}, "needs a lens made by Lens.from_disparity"),
     "no near": ({"depth_kind": "zbuffer", "far": 9.0}, "near must be given"),
     "no far": ({"depth_kind": "zbuffer", "near": 1.0}, "far must be given"),
-    "far before near": ({"depth_kind": "zbuffer", "near": 2.0, "far": 1.0}, "far must be greater than near"),
+    "one plane": ({"depth_kind": "zbuffer", "near": 2.0, "far": 2.0}, "far must differ from near"),
+    "all negative": ({"depth": -np.ones((24, 32), np.float32)}, "all 768 values are negative.*negate them"),
+    "negative but the sky": (
+        {"depth": np.where(np.arange(768).reshape(24, 32) < 40, np.inf, -2.0)},
+        "all 768 values but 40 that are 0, infinite or NaN are negative.*negate them",
+    ),
+    "all behind": (
+        {"depth": -np.ones((24, 32), np.float32), "invalid": "far"},
+        "all 768 values are negative.*negate them",
+    ),
     "no near plane": ({"depth_kind": "distance_from_near"}, "near must be given"),
     "near for z": ({"near": 1.0}, "near and far are for"),
     "supersample": ({"supersample": 5}, "supersample=5 must divide"),
@@ -225,13 +234,18 @@ def test_every_kind_of_depth_gives_the_same_picture():
     ray = np.sqrt(1.0 + (x / focal_px) ** 2 + (y / focal_px) ** 2)
     near, far = 0.5, 100.0
     expected = call()
-    kinds = {
-        "distance": (z * ray, {}),
-        "inverse_z": (1.0 / z, {}),
-        "zbuffer": ((1.0 / near - 1.0 / z) / (1.0 / near - 1.0 / far), {"near": near, "far": far}),
-        "distance_from_near": ((z - near) * ray, {"near": near}),
-    }
-    for kind, (depth, planes) in kinds.items():
+    t = (1.0 / near - 1.0 / z) / (1.0 / near - 1.0 / far)
+    kinds = [
+        ("distance", z * ray, {}),
+        ("inverse_z", 1.0 / z, {}),
+        ("zbuffer", t, {"near": near, "far": far}),
+        ("zbuffer", 1.0 - near / z, {"near": near, "far": math.inf}),
+        ("zbuffer", 1.0 - t, {"near": far, "far": near}),
+        ("zbuffer", near / z, {"near": math.inf, "far": near}),
+        ("opengl_ndc", 2.0 * t - 1.0, {"near": near, "far": far}),
+        ("distance_from_near", (z - near) * ray, {"near": near}),
+    ]
+    for kind, depth, planes in kinds:
         # Depth is rounded to float32 in another form: 1e-7 of a disparity, times a blur of a few pixels.
         out = call(depth=depth, depth_kind=kind, **planes)
         np.testing.assert_allclose(out, expected, atol=1e-4, err_msg=kind)

@@ -88,6 +88,37 @@ def test_render_writes_what_the_function_gives(scene, capsys):
     assert np.abs(expected - color).max() > 0.1
 
 
+def test_depth_along_the_other_direction_is_negated(scene):
+    color, depth = scene
+    io.write_image("negative.exr", color, depth=-depth)
+    for name, extra in (("a.exr", []), ("negative.exr", ["--depth-scale", "-1"])):
+        assert run(["render", name, "-o", f"o-{name}", *LENS_OPTIONS, *extra]) == 0
+    np.testing.assert_array_equal(io.read_color("o-a.exr").pixels, io.read_color("o-negative.exr").pixels)
+
+
+def test_z_buffers_of_any_direction(scene):
+    color, depth = scene
+    near, far = 0.5, 50.0
+    t = (1 / near - 1 / depth) / (1 / near - 1 / far)
+    t[~np.isfinite(depth)] = 1.0
+    cases = [
+        ("zbuffer", t, near, far),
+        ("zbuffer", 1 - t, far, near),
+        ("opengl_ndc", 2 * t - 1, near, far),
+        ("zbuffer", near / depth, "inf", near),
+    ]
+    results = []
+    for kind, values, first, last in cases:
+        io.write_image("z.exr", color, depth=values)
+        words = ["--depth-kind", kind, "--near", str(first), "--far", str(last)]
+        assert run(["render", "z.exr", "-o", "o.exr", *LENS_OPTIONS, *words]) == 0
+        results.append(io.read_color("o.exr").pixels)
+    for result in results[1:3]:
+        np.testing.assert_allclose(result, results[0], atol=2e-3)
+    # Here the background is infinitely far, and there at the far plane.
+    np.testing.assert_allclose(results[3][8:], results[0][8:], atol=0.1)
+
+
 def test_render_of_integers_in_two_files(scene):
     _, depth = scene
     assert run(["render", "a.png", "z.pfm", "-o", "o.png", *LENS_OPTIONS]) == 0

@@ -76,17 +76,28 @@ DepthKind = Annotated[
     str | None,
     typer.Option(
         help="What depth measures: z (default), distance, inverse_z, disparity, relative, zbuffer, "
-        "distance_from_near.",
+        "opengl_ndc, distance_from_near.",
         rich_help_panel="Depth",
     ),
 ]
 Near = Annotated[
-    float | None, typer.Option(help="Near plane in metres, of z-buffers.", rich_help_panel="Depth")
+    float | None,
+    typer.Option(
+        help="Near plane in metres, of z-buffers; the far plane of a reversed one. May be inf.",
+        rich_help_panel="Depth",
+    ),
 ]
 Far = Annotated[
-    float | None, typer.Option(help="Far plane in metres, of z-buffers.", rich_help_panel="Depth")
+    float | None,
+    typer.Option(
+        help="Far plane in metres, of z-buffers; the near plane of a reversed one. May be inf.",
+        rich_help_panel="Depth",
+    ),
 ]
-DepthScale = Annotated[float | None, typer.Option(help="Depth is multiplied by it.", rich_help_panel="Depth")]
+DepthScale = Annotated[
+    float | None,
+    typer.Option(help="Depth is multiplied by it; -1 for depth along -z.", rich_help_panel="Depth"),
+]
 DepthMissing = Annotated[
     float | None,
     typer.Option(

@@ -229,7 +229,8 @@ def read_depth(
         Which channel of an OpenEXR file or which array of an NPZ or HDF5 file. Without it the channel is
         chosen by its name, see `dofsim._channels`; in an NPZ file it is ``depth``, ``z`` or the only array.
     scale : float, optional
-        The values are multiplied by it: 0.001 for millimetres in a 16-bit PNG, 1/256 for KITTI.
+        The values are multiplied by it: 0.001 for millimetres in a 16-bit PNG, 1/256 for KITTI, -1 for depth
+        along -z as of OpenGL's or Mantra's cameras.
     missing : float, optional
         The value in the file that means no reading, such as 0; becomes NaN.
     background : float, optional
@@ -339,6 +340,7 @@ def read_rgbd(
     ((4, 6, 3), (4, 6))
     """
     if depth_path is None:
+    _check_scale(depth_scale, "depth_scale")
         exr_kind = _deep.exr_kind(color_path)
         if exr_kind == "deep":
             if layer is not None or depth_channel is not None:
@@ -346,10 +348,9 @@ def read_rgbd(
                     f"{color_path}: layer and depth_channel are not for deep files, which have one picture"
                 )
             layers, depths = _deep.read_deep(color_path, max_layers, data=window == "data")
-            measured = _measured(depths, _positive(depth_scale), depth_missing, depth_background)
+            measured = _measured(depths, depth_scale, depth_missing, depth_background)
             return RGBD(layers, measured, "linear", "premultiplied")
         if exr_kind == "flat":
-            _positive(depth_scale)
             file = ExrFile.of(color_path)
             channels = file.color_channels(layer)
             chosen = file.depth_channel(depth_channel, layer)
@@ -384,7 +385,7 @@ def read_named_depth(
 ) -> tuple[NDArray[np.float32], str | None]:
     """Read the depth of a file as `read_depth` does, and the full name of its channel in an OpenEXR file."""
     kind = _datasets.file_kind(path)
-    _positive(scale)
+    _check_scale(scale, "scale")
     name = None
     if kind == "exr":
         file = ExrFile.of(path)
@@ -438,10 +439,9 @@ def _checked_rgbd(path: StrPath, image: Image, depth: NDArray[np.float32], depth
     return RGBD(image.pixels, depth, image.transfer, image.alpha, image.channels, depth_channel)
 
 
-def _positive(scale: float) -> float:
-    if not math.isfinite(scale) or scale <= 0:
-        raise ValueError(f"scale must be positive and finite, not {scale}")
-    return scale
+def _check_scale(scale: float, name: str) -> None:
+    if not math.isfinite(scale) or scale == 0:
+        raise ValueError(f"{name} must be finite and not 0; got {scale}")
 
 
 def _measured(
@@ -452,6 +452,9 @@ def _measured(
         values = depth.astype(np.float32)
         distances = values * np.float32(scale)
     if missing is not None:
+    if scale < 0:
+        # What is infinitely far is so in either direction.
+        distances[np.isinf(values)] = np.inf
         distances[values == np.float32(missing)] = np.nan
     if background is not None:
         distances[values >= np.float32(background)] = np.inf
