@@ -2,6 +2,8 @@
 
 import contextlib
 import io as bytes_io
+import os
+import re
 import resource
 import struct
 import subprocess
@@ -281,6 +283,163 @@ def test_a_progressive_jpeg_with_wrong_bytes_is_refused_where_its_codes_make_no_
         except ValueError:
             refused += 1
     assert refused > 10
+
+
+def test_pfm_that_was_sent_as_text_is_damaged(tmp_path):
+    path = tmp_path / "a.pfm"
+    path.write_bytes(b"Pf\r\n2 2\r\n-1.0\r\n" + bytes(16))
+    with pytest.raises(ValueError, match=r"a\.pfm: damaged file: its lines end in CR LF"):
+        io.read_depth(path)
+
+
+def bomb_npz(path, size, compression):
+    with zipfile.ZipFile(path, "w", compression) as archive, archive.open("depth.npy", "w") as file:
+        header = {"descr": "<f4", "fortran_order": False, "shape": (size // 4096, 1024)}
+        np.lib.format.write_array_header_1_0(file, header)
+        for _ in range(size >> 20):
+            file.write(bytes(1 << 20))
+
+
+def bomb_png(path, size):
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    profile = zlib.compressobj()
+    packed = b"".join(profile.compress(bytes(1 << 20)) for _ in range(size >> 20)) + profile.flush()
+    path.write_bytes(
+        b"\x89PNG\r\n\x1a\n"
+        + chunk(b"IHDR", struct.pack(">IIBBBBB", 1, 1, 8, 0, 0, 0, 0))
+        + chunk(b"iCCP", b"p\0\0" + packed)
+        + chunk(b"IDAT", zlib.compress(b"\0\7"))
+        + chunk(b"IEND", b"")
+    )
+
+
+def bomb_chunk(path, side):
+    with h5py.File(path, "w") as file:
+        words = {"maxshape": (None, None), "chunks": (side, side), "compression": "gzip"}
+        file.create_dataset("depth", data=np.ones((1, 1), "f4"), **words)
+
+
+def bomb_inflating_chunk(path, size):
+    with h5py.File(path, "w") as file:
+        dataset = file.create_dataset("depth", (64, 64), "f4", chunks=(64, 64), compression="gzip")
+        dataset.id.write_direct_chunk((0, 0), zlib.compress(bytes(size)))
+
+
+BOMBS = {
+    "lzma.npz": (lambda path: bomb_npz(path, 192 << 20, zipfile.ZIP_LZMA), "neither stored nor deflated"),
+    "bzip2.npz": (lambda path: bomb_npz(path, 192 << 20, zipfile.ZIP_BZIP2), "neither stored nor deflated"),
+    "profile.png": (lambda path: bomb_png(path, 192 << 20), None),
+    "chunk.h5": (lambda path: bomb_chunk(path, 1 << 14), "a chunk claims 1073741824 bytes"),
+    "inflating.h5": (lambda path: bomb_inflating_chunk(path, 192 << 20), "a chunk inflates to more"),
+    "literal.npy": (
+        lambda path: path.write_bytes(
+            b"\x93NUMPY\x01\0" + struct.pack("<H", 9000) + (b"-" * 8990).ljust(9000)
+        ),
+        "nested too deeply|recursion",
+    ),
+    "header.npy": (
+        lambda path: path.write_bytes(b"\x93NUMPY\x02\0" + struct.pack("<I", 2**32 - 1) + b"{" * 300),
+        "claims to be 4294967295 bytes long",
+    ),
+}
+
+COST = """
+import resource, sys
+from dofsim import io
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+try:
+    io.read_depth(sys.argv[1])
+except ValueError as error:
+    print(error, file=sys.stderr)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is measured the Linux way")
+@pytest.mark.parametrize("name", list(BOMBS))
+def test_a_short_file_that_inflates_without_end_is_cheap(tmp_path, name):
+    make, message = BOMBS[name]
+    path = tmp_path / name
+    make(path)
+    assert path.stat().st_size < 3 << 20
+    run = subprocess.run(
+        [sys.executable, "-c", COST, str(path)], capture_output=True, text=True, check=True, timeout=HANG_S
+    )
+    # In KiB: a profile of colours may have 64 MiB.
+    assert int(run.stdout) < 120 << 10
+    if message is not None:
+        assert re.search(rf"{name}: damaged file: .*({message})", run.stderr), run.stderr
+
+
+def test_npz_that_claims_more_than_it_can_inflate_to(tmp_path):
+    path = tmp_path / "a.npz"
+    array = bytes_io.BytesIO()
+    header = {"descr": "<f4", "fortran_order": False, "shape": (1 << 15, 1 << 14)}
+    np.lib.format.write_array_header_1_0(array, header)
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("depth.npy", array.getvalue() + bytes(4096))
+        # What the directory says, which is written at the end.
+        archive.infolist()[0].file_size = 1 << 31
+    with pytest.raises(ValueError, match=r"a\.npz: damaged file: its header claims 2147483648 bytes"):
+        io.read_depth(path)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes have names on POSIX")
+@pytest.mark.parametrize("link", [False, True])
+def test_a_pipe_is_refused_before_it_is_opened(tmp_path, monkeypatch, link):
+    """Nobody ever writes into it, so whoever opens it waits for ever."""
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo("pipe.fifo")
+    names = [
+        f"pipe{suffix}" for suffix in (".exr", ".npz", ".h5", ".toml", ".jsonl", ".csv", ".xml", ".json")
+    ]
+    for name in names:
+        if link:
+            Path(name).symlink_to("pipe.fifo")
+        else:
+            os.mkfifo(name)
+    io.write_image("a.exr", np.ones((4, 5)), depth=np.ones((4, 5)))
+    lens = "lens={'aperture_radius': 0.1, 'focus_distance': 1.0, 'fov': 40.0}"
+    calls = [
+        "io.read_color('pipe.exr')",
+        "io.read_depth('pipe.exr')",
+        "io.read_rgbd('pipe.exr')",
+        "io.read_rgbd('a.exr', 'pipe.npz')",
+        "io.list_channels('pipe.npz')",
+        "io.read_exr('pipe.exr')",
+        "io.read_depth('pipe.h5')",
+        "io.write_image('pipe.exr', np.ones((2, 2)))",
+        "dofsim.Lens.from_mitsuba('pipe.xml')",
+        "dofsim.Lens.from_blender('pipe.json')",
+        "dofsim.Aperture.from_blender('pipe.json')",
+        "dofsim.Aperture(image='pipe.exr')",
+        "read_manifest('pipe.jsonl')",
+        "read_manifest('pipe.csv')",
+        "read_settings(Path('pipe.toml'), {}, {})",
+        f"fail(next(map_frames([Frame(color='pipe.exr', output='o.exr', {lens})])))",
+    ]
+    script = f"""
+import dofsim
+import numpy as np
+from pathlib import Path
+from dofsim import io
+from dofsim._options import read_settings
+from dofsim.batch import Frame, map_frames, read_manifest
+
+def fail(result):
+    raise ValueError(result.error)
+
+for call in {calls!r}:
+    try:
+        eval(call)
+    except ValueError as error:
+        assert "a pipe or a device" in str(error), (call, error)
+    else:
+        raise AssertionError(call)
+"""
+    subprocess.run([sys.executable, "-c", script], check=True, timeout=HANG_S)
 
 
 @pytest.mark.parametrize("size", [(0, 9), (9, 0)])

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _arrays, _channels, _dofsim
-from ._arrays import StrPath
+from ._files import StrPath
 from ._names import listed
 
 Compression = Literal["none", "rle", "zips", "zip", "piz"]

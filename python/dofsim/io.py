@@ -25,9 +25,9 @@ from numpy.typing import DTypeLike, NDArray
 
 from . import _arrays, _datasets, _deep, _dofsim
 from ._alpha import premultiply
-from ._arrays import StrPath
 from ._channels import Channel
 from ._exr import ExrFile, list_channels, read_exr, write_exr
+from ._files import StrPath
 from ._save import (
     ALPHAS,
     SAMPLE_TYPES,
@@ -339,8 +339,8 @@ def read_rgbd(
     >>> color.shape, depth.shape
     ((4, 6, 3), (4, 6))
     """
-    if depth_path is None:
     _check_scale(depth_scale, "depth_scale")
+    if depth_path is None:
         exr_kind = _deep.exr_kind(color_path)
         if exr_kind == "deep":
             if layer is not None or depth_channel is not None:
@@ -451,10 +451,10 @@ def _measured(
     with np.errstate(over="ignore", invalid="ignore"):
         values = depth.astype(np.float32)
         distances = values * np.float32(scale)
-    if missing is not None:
     if scale < 0:
         # What is infinitely far is so in either direction.
         distances[np.isinf(values)] = np.inf
+    if missing is not None:
         distances[values == np.float32(missing)] = np.nan
     if background is not None:
         distances[values >= np.float32(background)] = np.inf

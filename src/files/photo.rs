@@ -8,11 +8,17 @@ use image::{ColorType, DynamicImage, ImageDecoder, ImageError, ImageFormat, Imag
 
 const ACCEPTED: &str = "grey, grey with alpha, RGB and RGBA pictures, not turned or mirrored";
 
+/// The most that what is not pixels may take, beside the length of the file: more than any profile, and than a row.
+const BESIDE_PIXELS: u64 = 64 << 20;
+
 pub(super) fn read(source: Source, format: ImageFormat) -> Result<Raster, Problem> {
     let length = source.length;
     let mut reader = ImageReader::with_format(source.reader, format);
-    // The decoders' own bounds are for uploads; what the header claims is held against the file's length instead.
-    reader.limits(Limits::no_limits());
+    // The decoders' own bounds are for uploads; what the header claims is held against the file's length instead. What
+    // is not pixels, such as a profile of colours, has this bound.
+    let mut limits = Limits::no_limits();
+    limits.max_alloc = Some(BESIDE_PIXELS.saturating_add(length));
+    reader.limits(limits);
     let mut decoder = reader.into_decoder()?;
     let refuse = |found: String| Problem::Unsupported { found, accepted: ACCEPTED };
     check_claim(u128::from(decoder.total_bytes()), length)?;
@@ -42,12 +48,6 @@ pub(super) fn read(source: Source, format: ImageFormat) -> Result<Raster, Proble
     Ok(Raster { width: width as usize, height: height as usize, channels, alpha, samples })
 }
 
-impl From<ImageError> for Problem {
-    fn from(error: ImageError) -> Self {
-        match error {
-            ImageError::IoError(error) => error.into(),
-            ImageError::Unsupported(what) => {
-                Self::Unsupported { found: what.to_string(), accepted: ACCEPTED }
 /// Refuses a picture that is stored turned or mirrored: its depth is not.
 pub(super) fn check_orientation(orientation: Orientation) -> Result<(), Problem> {
     match orientation {
@@ -59,6 +59,12 @@ pub(super) fn check_orientation(orientation: Orientation) -> Result<(), Problem>
     }
 }
 
+impl From<ImageError> for Problem {
+    fn from(error: ImageError) -> Self {
+        match error {
+            ImageError::IoError(error) => error.into(),
+            ImageError::Unsupported(what) => {
+                Self::Unsupported { found: what.to_string(), accepted: ACCEPTED }
             }
             other => Self::Damaged(other.to_string()),
         }

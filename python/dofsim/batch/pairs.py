@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from dofsim._arrays import StrPath
+from dofsim._files import StrPath
 from dofsim.io import READABLE_SUFFIXES
 
 # Words that tell the picture and the depth of one frame apart.
