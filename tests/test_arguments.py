@@ -215,6 +215,93 @@ def test_what_is_of_the_wrong_type_is_named(changes, text):
         call(**changes)
 
 
+HUGE = [-1, 2**63, -(2**63) - 1, 10**400]
+
+
+@pytest.mark.parametrize("value", HUGE)
+@pytest.mark.parametrize("name", ["threads", "overscan", "supersample", "views", "taps"])
+def test_whole_numbers_of_any_size_are_named(name, value):
+    words = {"method": "poisson"} if name == "taps" else {}
+    with pytest.raises(ValueError, match=rf"^{name} must be a whole number.*; got {str(value)[:60]}"):
+        call(**{name: value}, **words)
+    with pytest.raises(TypeError, match=f"^{name} must be a whole number"):
+        call(**{name: "many"}, **words)
+
+
+@pytest.mark.parametrize("value", [10**400, -(10**400)])
+@pytest.mark.parametrize(
+    ("make", "name"),
+    [
+        (lambda v: LENS.replace(aperture_radius=v), "aperture_radius"),
+        (lambda v: LENS.replace(focus_distance=v), "focus_distance"),
+        (lambda v: LENS.replace(fov=v), "fov"),
+        (lambda v: LENS.replace(tilt=(v, 0.0)), "tilt"),
+        (lambda v: LENS.replace(cat_eye=v), "cat_eye"),
+        (lambda v: LENS.replace(lateral_color=(0.0, 0.0, v)), "lateral_color"),
+        (lambda v: RELATIVE.replace(focus=v), "focus"),
+        (lambda v: Aperture(rotation=v), "rotation"),
+        (lambda v: Aperture(ratio=v), "ratio"),
+        (lambda v: Lens.from_camera(focal_length_mm=v, f_number=2, focus_distance=3), "focal_length_mm"),
+        (lambda v: Lens.from_colmap(fx=v, width=9, aperture_radius=0.1, focus_distance=1), "fx"),
+        (lambda v: call(depth_kind="zbuffer", near=v, far=9.0), "near"),
+        (lambda v: call(method="hexagonal", max_coc_px=v), "max_coc_px"),
+        (lambda v: LENS.coc_diameter_mm(v), "z"),
+    ],
+)
+def test_numbers_that_are_no_double_are_named(make, name, value):
+    with pytest.raises(ValueError, match=f"^{name} must"):
+        make(value)
+
+
+@pytest.mark.parametrize("value", [[1, 2], (1, 2, 3), 7, "ab", (1, "b")])
+def test_pairs_are_named(value):
+    with pytest.raises((TypeError, ValueError), match=r"^tilt must be a tuple of two numbers; got"):
+        LENS.replace(tilt=value)
+    with pytest.raises((TypeError, ValueError), match=r"^axial_color must be a tuple of three numbers; got"):
+        LENS.replace(axial_color=[0, 0, 0])
+
+
+@pytest.mark.parametrize("value", [2**63, 10**400, 2**62, -(2**70)])
+def test_pixels_of_any_size_are_named(value):
+    _, depth = scene()
+    with pytest.raises((ValueError, IndexError), match=r"^x must"):
+        LENS.focused_at(depth, value, 0)
+    if value != 2**62:
+        with pytest.raises(ValueError, match=r"^radius_px must be a whole number from 0"):
+            LENS.focused_at(depth, 3, 3, radius_px=value)
+    assert LENS.focused_at(depth, 3, 3, radius_px=2**63 - 1) == LENS.focused_at(depth, 3, 3, radius_px=99)
+
+
+@pytest.mark.parametrize(
+    ("make", "name"),
+    [
+        (lambda v: LENS.replace(tilt=(v, 0.1)), "tilt"),
+        (lambda v: LENS.replace(field_curvature=v), "field_curvature"),
+        (lambda v: LENS.replace(principal_point=(v, v)), "principal_point"),
+        (lambda v: RELATIVE.replace(focus=v), "focus"),
+        (lambda v: Aperture(rotation=v, blades=5), "rotation"),
+        (lambda v: Aperture(image=np.array([[1.0, v]])), "image"),
+    ],
+)
+def test_a_negative_zero_is_a_zero(make, name):
+    assert make(0.0) == make(-0.0)
+    assert hash(make(0.0)) == hash(make(-0.0))
+
+
+@pytest.mark.parametrize("radius", [0.0, 1e-300, 0.05, 1e300])
+@pytest.mark.parametrize("distance", [1e-300, 1e-3, 2.0, 1e300, math.inf])
+@pytest.mark.parametrize("fov", [1e-300, 40.0, 179.9999999999])
+def test_a_notebook_can_show_every_lens(radius, distance, fov):
+    lens = Lens(aperture_radius=radius, focus_distance=distance, fov=fov)
+    assert repr(lens).replace("'", "&#x27;") in lens._repr_html_()
+
+
+@pytest.mark.parametrize("values", [[[1e-300]], [[1e300, 1e-300]], [[0.0, 1e-30]]])
+def test_a_notebook_can_show_every_opening(values):
+    aperture = Aperture(image=np.array(values))
+    assert aperture._repr_html_().startswith("<div><code>Aperture(")
+
+
 def test_a_device_that_is_not_there_is_its_own_error():
     with pytest.raises(dofsim.DeviceError, match="gpu:99"):
         call(device="gpu:99")

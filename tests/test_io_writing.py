@@ -8,21 +8,21 @@ import numpy as np
 import pytest
 from dofsim import io
 
+# Names
+
+
+@pytest.mark.parametrize("letter", ["a", "\N{GREEK SMALL LETTER ALPHA}"])
+def test_a_name_may_be_as_long_as_the_file_system_has_it(tmp_path, letter):
+    name = letter * (248 // len(letter.encode())) + ".exr"
+    assert len(name.encode()) == 252
+    io.write_image(tmp_path / name, np.ones((2, 3)))
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    assert io.read_color(tmp_path / name).pixels.shape == (2, 3)
+
+
 # Light and alpha
 
 
-def test_linear_floats_become_srgb_integers_and_back(tmp_path):
-    # Code values of IEC 61966-2-1: 0.5 is 187.5 and 0.0025 is 8.24 of 255.
-    path = tmp_path / "a.png"
-    io.write_image(path, np.array([[0.0, 0.0025, 0.5, 1.0, 7.0, -1.0, np.nan]]))
-    image = io.read_color(path)
-    np.testing.assert_array_equal(image.pixels, [[0, 8, 188, 255, 255, 0, 0]])
-    np.testing.assert_allclose(image.to_linear()[0, :4], [0, 0.0025, 0.5, 1.0], rtol=0.04)
-    io.write_image(path, np.array([[0.5]]), dtype="uint16")
-    np.testing.assert_array_equal(io.read_color(path).pixels, [[48192]])
-
-
-def test_integers_keep_their_codes_unless_they_are_linear(tmp_path):
 def test_fields_of_packed_records_are_written_in_order(tmp_path):
     values = np.arange(12, dtype=np.float32).reshape(3, 4)
     records = np.zeros(values.shape, [("label", "u1"), ("z", "f4")])
@@ -37,6 +37,18 @@ def test_fields_of_packed_records_are_written_in_order(tmp_path):
             np.testing.assert_array_equal(io.read_color(path).pixels, values)
 
 
+def test_linear_floats_become_srgb_integers_and_back(tmp_path):
+    # Code values of IEC 61966-2-1: 0.5 is 187.5 and 0.0025 is 8.24 of 255.
+    path = tmp_path / "a.png"
+    io.write_image(path, np.array([[0.0, 0.0025, 0.5, 1.0, 7.0, -1.0, np.nan]]))
+    image = io.read_color(path)
+    np.testing.assert_array_equal(image.pixels, [[0, 8, 188, 255, 255, 0, 0]])
+    np.testing.assert_allclose(image.to_linear()[0, :4], [0, 0.0025, 0.5, 1.0], rtol=0.04)
+    io.write_image(path, np.array([[0.5]]), dtype="uint16")
+    np.testing.assert_array_equal(io.read_color(path).pixels, [[48192]])
+
+
+def test_integers_keep_their_codes_unless_they_are_linear(tmp_path):
     path = tmp_path / "a.png"
     codes = np.arange(256, dtype=np.uint8).reshape(16, 16)
     io.write_image(path, codes)

@@ -238,6 +238,31 @@ class RenderOptions:
         }
 
 
+def in_options(message: str) -> str:
+    """Put what the library says of its arguments into the words of the command line.
+
+    Parameters
+    ----------
+    message : str
+        What is wrong, as an exception has it.
+
+    Returns
+    -------
+    str
+        The same with the names of options.
+
+    Examples
+    --------
+    >>> from dofsim._command_options import in_options
+    >>> in_options("aperture_radius must be a radius in metres; got -1")
+    '--aperture-radius must be a radius in metres; got -1'
+    """
+    for words, option in _SAID.items():
+        message = message.replace(words, option)
+    name, must, rest = message.partition(" must ")
+    return f"{_OPTIONS[name]}{must}{rest}" if name in _OPTIONS else message
+
+
 def with_groups(command: Callable[..., T]) -> Callable[..., T]:
     """Show Typer the options of a command's groups as options of the command itself.
 
@@ -275,3 +300,18 @@ def with_groups(command: Callable[..., T]) -> Callable[..., T]:
     flat.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     flat.__name__, flat.__doc__ = command.__name__, command.__doc__
     return flat
+
+
+# The arguments of the library that are options of the same names, and what else it says of arguments.
+_OPTIONS = {
+    field.name: f"--{field.name.replace('_', '-')}"
+    for group in (LensOptions, ApertureOptions, DepthOptions, RenderOptions)
+    for field in fields(group)
+} | {"scale": "--depth-scale", "border": "--border"}
+_SAID = {
+    "negate them": "negate them (--depth-scale -1)",
+    'pass invalid="far"': "pass --invalid far",
+    "near and far are for depth_kind": "--near and --far are for depth_kind",
+    "(depth_channel)": "(--depth-channel)",
+    "(layer)": "(--layer)",
+}

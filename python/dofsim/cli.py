@@ -73,7 +73,9 @@ def run(arguments: list[str]) -> int:
     except OSError as error:
         return _fail(f"{error.filename}: {error.strerror}" if error.filename else str(error), 1)
     except (ValueError, TypeError) as error:
-        return _fail(str(error), 2)
+        return _fail(options.in_options(str(error)), 2)
+    except RecursionError:
+        return _fail("what was given is nested too deeply", 2)
     except (dofsim.DeviceError, ImportError, MemoryError) as error:
         return _fail(str(error) or "not enough memory", 1)
     except Exception as error:
@@ -136,6 +138,7 @@ def render_command(
         transfer=_options.one_of("--transfer", render_options.transfer, io.TRANSFERS),
     )
     words, opening = lens_options.read(rgbd.depth, aperture_options, **kind)
+    _check_input(output, opening.get("image"))
     picture = io.Image(rgbd.color, rgbd.transfer, rgbd.alpha)
     if chosen := _options.one_of("--alpha", render_options.alpha, io.ALPHAS):
         picture = replace(picture, alpha=chosen)
@@ -277,9 +280,11 @@ def _check_output(output: Path, inputs: list[Path | None], suffixes: tuple[str, 
         raise ValueError(f"{output}: the suffix {output.suffix!r} is not one of {', '.join(accepted)}")
     if not output.parent.is_dir():
         raise FileNotFoundError(errno.ENOENT, "there is no such folder", str(output.parent))
-    if any(path is not None and _same(path, output) for path in inputs):
+    for path in inputs:
+        _check_input(output, path)
+
+
+def _check_input(output: Path, path: Any) -> None:
+    """Refuse an output that is one of the inputs."""
+    if isinstance(path, (str, Path)) and output.exists() and Path(path).exists() and output.samefile(path):
         raise ValueError(f"{output}: is one of the inputs, which are not overwritten")
-
-
-def _same(path: Path, output: Path) -> bool:
-    return path.exists() and output.exists() and path.samefile(output)

@@ -1,6 +1,7 @@
 //! `dofsim.render`.
 
 use super::aperture::PyAperture;
+use super::argument;
 use super::lens::PyLens;
 use super::methods::read_method;
 use super::scene::PyScene;
@@ -156,14 +157,14 @@ pub fn render<'py>(
     device: &str,
     aperture: Option<&PyAperture>,
     depth_kind: &str,
-    near: Option<f64>,
-    far: Option<f64>,
+    #[pyo3(from_py_with = argument::near)] near: Option<f64>,
+    #[pyo3(from_py_with = argument::far)] far: Option<f64>,
     invalid: &str,
     alpha: Option<&str>,
     transfer: Option<&str>,
-    overscan: usize,
-    supersample: usize,
-    threads: Option<usize>,
+    #[pyo3(from_py_with = argument::overscan)] overscan: usize,
+    #[pyo3(from_py_with = argument::supersample)] supersample: usize,
+    #[pyo3(from_py_with = argument::threads)] threads: Option<usize>,
     out: Option<&Bound<'py, PyAny>>,
     options: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyAny>> {
