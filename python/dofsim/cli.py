@@ -264,10 +264,10 @@ def demo_command(
 
 
 def _say_channels(image: Path, depth: Path, color: tuple[str, ...], plane: str | None) -> None:
-    """Say which channels of OpenEXR files were chosen."""
-    if color:
+    """Say which channels of OpenEXR files were chosen, where they have other names than the format's own."""
+    if not set(color) <= set("RGBAY"):
         print(f"dofsim: {printable(str(image))}: the picture is {listed(color)}", file=sys.stderr)
-    if plane is not None:
+    if plane not in (None, "Z"):
         print(f"dofsim: {printable(str(depth))}: the depth is {printable(plane)}", file=sys.stderr)
 
 
