@@ -346,14 +346,20 @@ BOMBS = {
 }
 
 COST = """
-import resource, sys
+import re, sys
+from pathlib import Path
 from dofsim import io
-before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+def most():
+    # Not that of getrusage, which a process has from the one that started it.
+    return int(re.search(r"VmHWM:\\s+(\\d+)", Path("/proc/self/status").read_text())[1])
+
+before = most()
 try:
     io.read_depth(sys.argv[1])
 except ValueError as error:
     print(error, file=sys.stderr)
-print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+print(most() - before)
 """
 
 
