@@ -436,6 +436,18 @@ def test_results_beside_their_inputs_are_resumed_or_refused(few, capsys, argumen
         assert "0 written, 4 there already" in capsys.readouterr().out
 
 
+def test_one_bad_pixel_does_not_cost_a_frame(few, capsys):
+    rgbd = io.read_color("rgb/0001.exr").pixels
+    rgbd[5, 6, 1] = np.nan
+    io.write_image("rgb/0001.exr", rgbd)
+    arguments = ["rgb", "depth", "-o", "out", *LENS_OPTIONS]
+    assert batch(*arguments) == 1
+    assert "1 values in channel 1 that are not finite (--invalid-color neighbours)" in capsys.readouterr().err
+    assert batch(*arguments, "--invalid-color", "neighbours") == 0
+    assert batch(*arguments, "--invalid-color", "black") == 2
+    assert "--invalid-color takes keep, neighbours; got 'black'" in capsys.readouterr().err
+
+
 def test_the_picture_of_an_opening_is_not_overwritten(few, capsys):
     Path("out").mkdir()
     io.write_image("out/0001.png", np.ones((9, 9)))

@@ -172,6 +172,7 @@ def batch_command(
         **depth_words,
         "transfer": _options.one_of("--transfer", render_options.transfer, io.TRANSFERS),
         "alpha": _options.one_of("--alpha", render_options.alpha, io.ALPHAS),
+        "invalid_color": _options.one_of("--invalid-color", render_options.invalid_color, io.INVALID_COLORS),
     }
     rendering = {
         "method": render_options.method,
@@ -327,7 +328,7 @@ def _run(frames: list[Frame], output: Path, *, workers: int, dask: str | None, r
             counts[result.status] += 1
             progress.update()
             if result.error is not None:
-                message = printable(f"{result.frame.output}: {result.error}")
+                message = printable(f"{result.frame.output}: {options.in_options(result.error)}")
                 tqdm.write(f"dofsim: {message}", file=sys.stderr)
     seconds = time.perf_counter() - start
     print(

@@ -118,6 +118,13 @@ Transfer = Annotated[
 Alpha = Annotated[
     str | None, typer.Option(help="What a second or fourth channel is: straight, premultiplied or none.")
 ]
+InvalidColor = Annotated[
+    str,
+    typer.Option(
+        help="What to do with pixels whose colour is NaN or infinite: keep (they are then an error) or "
+        "neighbours (the mean of those around them)."
+    ),
+]
 Method = Annotated[str, typer.Option(help="How to compute.")]
 Device = Annotated[
     str, typer.Option(help="Where to compute: auto, cpu, gpu, or an adapter that `dofsim devices` lists.")
@@ -221,6 +228,7 @@ class RenderOptions:
     layer: Layer = None
     transfer: Transfer = None
     alpha: Alpha = None
+    invalid_color: InvalidColor = "keep"
     method: Method = "lens"
     method_options: MethodOptions = None
     device: Device = "auto"
@@ -309,6 +317,7 @@ _OPTIONS = {
     for field in fields(group)
 } | {"scale": "--depth-scale", "border": "--border"}
 _SAID = {
+    "are not finite (or too large for float32)": "are not finite (--invalid-color neighbours)",
     "negate them": "negate them (--depth-scale -1)",
     'pass invalid="far"': "pass --invalid far",
     "near and far are for depth_kind": "--near and --far are for depth_kind",

@@ -136,6 +136,7 @@ def render_command(
         layer=render_options.layer,
         **reading,
         transfer=_options.one_of("--transfer", render_options.transfer, io.TRANSFERS),
+        invalid_color=_options.one_of("--invalid-color", render_options.invalid_color, io.INVALID_COLORS),
     )
     words, opening = lens_options.read(rgbd.depth, aperture_options, **kind)
     _check_input(output, opening.get("image"))
