@@ -285,6 +285,19 @@ def test_a_progressive_jpeg_with_wrong_bytes_is_refused_where_its_codes_make_no_
     assert refused > 10
 
 
+@pytest.mark.parametrize("lossless", [False, True])
+def test_a_webp_that_is_not_whole_is_no_picture(tmp_path, lossless):
+    path = tmp_path / "a.webp"
+    pixels = np.arange(90 * 120 * 3).reshape(90, 120, 3).astype(np.uint8)
+    PIL.Image.fromarray(pixels).save(path, lossless=lossless)
+    whole = path.read_bytes()
+    assert io.read_color(path).pixels.shape == (90, 120, 3)
+    for cut in (1, 2, 3, 10, len(whole) // 2):
+        path.write_bytes(whole[:-cut])
+        with pytest.raises(ValueError, match=r"a\.webp: damaged file"):
+            io.read_color(path)
+
+
 def test_pfm_that_was_sent_as_text_is_damaged(tmp_path):
     path = tmp_path / "a.pfm"
     path.write_bytes(b"Pf\r\n2 2\r\n-1.0\r\n" + bytes(16))

@@ -31,7 +31,7 @@ pub fn read_raster(path: &Path) -> Result<Raster> {
         let raster = match kind {
             Kind::Png => photo::read(open(path)?, ImageFormat::Png),
             Kind::Jpeg => jpeg::read(open(path)?),
-            Kind::WebP => photo::read(open(path)?, ImageFormat::WebP),
+            Kind::WebP => photo::read_webp(open(path)?),
             Kind::Bmp => photo::read(open(path)?, ImageFormat::Bmp),
             Kind::Hdr => photo::read(open(path)?, ImageFormat::Hdr),
             Kind::Tiff => tiff::read(open(path)?),

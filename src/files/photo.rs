@@ -5,6 +5,7 @@ use super::raster::{Alpha, Raster, Samples};
 use super::source::{Source, check_claim};
 use image::metadata::Orientation;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
+use std::io::{Read, Seek};
 
 const ACCEPTED: &str = "grey, grey with alpha, RGB and RGBA pictures, not turned or mirrored";
 
@@ -46,6 +47,19 @@ pub(super) fn read(source: Source, format: ImageFormat) -> Result<Raster, Proble
         other => return Err(refuse(format!("{:?}", other.color()))),
     };
     Ok(Raster { width: width as usize, height: height as usize, channels, alpha, samples })
+}
+
+/// Reads WebP. The decoder does not notice where the end of a lossy picture is missing.
+pub(super) fn read_webp(mut source: Source) -> Result<Raster, Problem> {
+    // A word, then the length of what follows.
+    let mut start = [0; 8];
+    source.reader.read_exact(&mut start)?;
+    source.reader.rewind()?;
+    let claimed = u32::from_le_bytes([start[4], start[5], start[6], start[7]]);
+    if u64::from(claimed) + start.len() as u64 > source.length {
+        return Err(Problem::Damaged("it ends too early".into()));
+    }
+    read(source, ImageFormat::WebP)
 }
 
 /// Refuses a picture that is stored turned or mirrored: its depth is not.
