@@ -40,7 +40,10 @@ pub struct Shader {
     /// WGSL.
     pub source: &'static str,
     /// The structures that it shares with Rust.
-    #[cfg_attr(not(test), allow(dead_code, reason = "the tests compare layouts"))]
+    #[cfg_attr(
+        not(all(test, feature = "test-shaders")),
+        allow(dead_code, reason = "the tests compare layouts")
+    )]
     pub shared: &'static [Layout],
 }
 
@@ -86,5 +89,5 @@ impl From<crate::optics::Defocus> for Defocus {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "test-shaders"))]
 mod tests;
