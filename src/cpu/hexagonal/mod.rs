@@ -17,7 +17,7 @@ use lanes::{LANES, Lane, lane};
 use rayon::prelude::*;
 use reach::{BLOCK, Looks, Reach};
 use std::ops::Range;
-use sums::{Layers, NearSum, Own, RestSum};
+use sums::{Layers, NearSum, PixelCoc, RestSum};
 
 /// The picture, interleaved.
 pub fn render(job: &Job, settings: &Settings, out: &mut [f32]) -> Result<()> {
@@ -69,7 +69,7 @@ impl<'a> Pass<'a> {
 /// Fills the targets of the first pass at the lanes from `at` on.
 #[inline(always)]
 fn gather<const C: usize>(plan: &Plan, field: &mut Field, looks: &[Looks], at: usize) {
-    let own = Own::new(lane(&field.values, field.coc + at));
+    let own = PixelCoc::new(lane(&field.values, field.coc + at));
     let (mut near, mut rest) = (NearSum::<C>::NONE, RestSum::<C>::NONE);
     let mut looks = looks.iter();
     for (i, target) in plan.targets.iter().enumerate() {
@@ -86,7 +86,7 @@ fn gather<const C: usize>(plan: &Plan, field: &mut Field, looks: &[Looks], at: u
 /// Blurs and adds the targets, and lays the light in front over the rest.
 #[inline(always)]
 fn shade<const C: usize>(plan: &Plan, field: &Field, looks: &[Looks], at: usize) -> [Lane; C] {
-    let own = Own::new(lane(&field.values, field.coc + at));
+    let own = PixelCoc::new(lane(&field.values, field.coc + at));
     let (mut near, mut rest) = (NearSum::<C>::NONE, RestSum::<C>::NONE);
     let mut looks = looks.iter();
     for (target, planes) in plan.targets.iter().zip(&field.targets) {

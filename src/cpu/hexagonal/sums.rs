@@ -27,16 +27,16 @@ fn add_planes<const C: usize>(
 
 /// The circles of confusion of the pixels that are shaded.
 #[derive(Clone, Copy)]
-pub struct Own {
+pub struct PixelCoc {
     pub coc: Lane,
     least: f32,
     most: f32,
 }
 
-impl Own {
+impl PixelCoc {
     #[inline(always)]
-    pub fn new(coc: &Lane) -> Own {
-        Own { coc: *coc, least: reduce(*coc, lesser), most: reduce(*coc, greater) }
+    pub fn new(coc: &Lane) -> PixelCoc {
+        PixelCoc { coc: *coc, least: reduce(*coc, lesser), most: reduce(*coc, greater) }
     }
 }
 
@@ -118,7 +118,7 @@ impl<const C: usize> RestSum<C> {
     /// A pixel behind the focus sees what circles of confusion of less than twice its own bring; one in front looks
     /// behind itself as far as its own reaches; one in focus sees itself.
     #[inline(always)]
-    pub fn add(&mut self, field: &Field, rest: Rest, looks: &Looks, at: usize, own: &Own) {
+    pub fn add(&mut self, field: &Field, rest: Rest, looks: &Looks, at: usize, own: &PixelCoc) {
         let values = &field.values;
         let mut sum = Self::NONE;
         let mut total = [0.0; LANES];

@@ -7,7 +7,7 @@ use crate::gpu::commands::{Commands, GROUP, groups, pixels};
 use crate::gpu::shader::{Shader, shader, shared};
 use crate::plan::lens::Plan;
 use crate::plan::lens::footprint::{MAX_WEIGHT, NEXT_CELLS, REACHES, STEPS_PER_PX};
-use crate::scene::colors::Own;
+use crate::scene::colors::CellColor;
 use crate::scene::edges::CONNECTED_PX;
 
 pub const REPLACE_COLORS: Shader = shader!("lens/replace_colors", [], [ReplaceParams, Replacement]);
@@ -69,20 +69,20 @@ pub enum Dim {
     /// There is no highlight.
     Same,
     /// Their own buffer.
-    Own(wgpu::Buffer),
+    Copy(wgpu::Buffer),
 }
 
 impl Dim {
     pub fn buffer<'a>(&'a self, cells: &'a Cells) -> &'a wgpu::Buffer {
         match self {
             Dim::Same => &cells.colors,
-            Dim::Own(buffer) => buffer,
+            Dim::Copy(buffer) => buffer,
         }
     }
 }
 
 /// The colours with those of the `dimmed` cells of each layer.
-pub fn dim(commands: &mut Commands, cells: &Cells, dimmed: &[Vec<Own>]) -> Result<Dim> {
+pub fn dim(commands: &mut Commands, cells: &Cells, dimmed: &[Vec<CellColor>]) -> Result<Dim> {
     let layers = (0..).step_by(cells.size.pixels()).zip(dimmed);
     let replacements: Vec<Replacement> = layers
         .flat_map(|(first, dimmed)| {
@@ -109,7 +109,7 @@ pub fn dim(commands: &mut Commands, cells: &Cells, dimmed: &[Vec<Own>]) -> Resul
         &[Read(&replacements), Write(&colors)],
         groups(side.next_multiple_of(GROUP), side),
     )?;
-    Ok(Dim::Own(colors))
+    Ok(Dim::Copy(colors))
 }
 
 /// Those colours widened or sharpened to their footprint.

@@ -74,7 +74,7 @@ pub fn pass(
     let tile = |&(at, disc): &((usize, usize), Disc)| {
         let kernel = match disc {
             Disc::Same(kernel) => kernel as i32,
-            Disc::Own => -1,
+            Disc::PerPixel => -1,
         };
         Tile { origin: origin(at), kernel, _end: 0 }
     };

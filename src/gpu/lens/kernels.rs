@@ -22,7 +22,7 @@ pub enum Disc {
     /// All its pixels have this kernel.
     Same(usize),
     /// Each pixel has its own, by its depth.
-    Own,
+    PerPixel,
 }
 
 /// All kernels that a frame needs.
@@ -75,7 +75,7 @@ impl Kernels {
 
         let disc = |surface: &Surface| match surface {
             Surface::Level(s) => Disc::Same(of_shift[&s.to_bits()]),
-            Surface::Tilted(_) => Disc::Own,
+            Surface::Tilted(_) => Disc::PerPixel,
         };
         Ok(Kernels {
             words: words(&all),
