@@ -17,7 +17,7 @@ pub const SHARPEN: Shader =
     shader!("lens/sharpen", ["mirror", "lens/depth_spans", "lens/footprint"], [SharpenParams, Footprint]);
 
 shared! {
-    /// Of cells that get another colour.
+    /// Parameters for cells whose colour is replaced.
     struct ReplaceParams {
         count: u32,
     }
@@ -41,7 +41,7 @@ shared! {
 }
 
 shared! {
-    /// Of one pass of widening.
+    /// Parameters of one widening pass.
     struct WidenParams {
         size: [u32; 2],
         reach: i32,
@@ -55,7 +55,7 @@ shared! {
 }
 
 shared! {
-    /// Of sharpening.
+    /// Parameters of sharpening.
     struct SharpenParams {
         size: [u32; 2],
         layers: u32,
@@ -68,7 +68,7 @@ shared! {
 pub enum Dim {
     /// There is no highlight.
     Same,
-    /// Their own buffer.
+    /// The colours are in a buffer of their own.
     Copy(wgpu::Buffer),
 }
 
@@ -81,7 +81,7 @@ impl Dim {
     }
 }
 
-/// The colours with those of the `dimmed` cells of each layer.
+/// The colours, with those of the `dimmed` cells of each layer replaced.
 pub fn dim(commands: &mut Commands, cells: &Cells, dimmed: &[Vec<CellColor>]) -> Result<Dim> {
     let layers = (0..).step_by(cells.size.pixels()).zip(dimmed);
     let replacements: Vec<Replacement> = layers
@@ -112,7 +112,7 @@ pub fn dim(commands: &mut Commands, cells: &Cells, dimmed: &[Vec<CellColor>]) ->
     Ok(Dim::Copy(colors))
 }
 
-/// Those colours widened or sharpened to their footprint.
+/// The colours, widened or sharpened to their footprint.
 pub fn drawn(
     commands: &mut Commands,
     cells: &Cells,
