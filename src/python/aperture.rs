@@ -206,7 +206,7 @@ impl PyAperture {
     #[staticmethod]
     fn from_blender(camera: &Bound<'_, PyAny>) -> PyResult<PyAperture> {
         let (blades, rotation, ratio): (f64, f64, f64) = read_camera("blender_aperture", camera)?;
-        // Cycles takes fewer than three blades for none.
+        // Cycles treats fewer than three blades as no blades.
         let blades = if blades < 3.0 { 0 } else { blades as u32 };
         let rotation = match blades {
             0 => 0.0,

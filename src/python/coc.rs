@@ -82,6 +82,6 @@ pub fn coc<'py>(
 fn radius_px(imaging: &Imaging, x: usize, y: usize, disparity: f32) -> f32 {
     let offset = imaging.surface.offset(x as f64, y as f64);
     let shift_px = imaging.optics.shift_px(f64::from(disparity) - offset);
-    // A shift is positive in front of the focus. Adding zero turns a negative zero into a plain one.
+    // A shift is positive in front of the focus. Adding zero turns negative zero into positive zero.
     (0.0 - shift_px) as f32 + 0.0
 }

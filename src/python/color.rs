@@ -1,4 +1,4 @@
-//! Colour: its shape, sample type, encoding and alpha; taken apart into planes of linear, premultiplied `f32`.
+//! Colour: shape, sample type, encoding and alpha; converted to planes of linear, premultiplied `f32`.
 
 use super::errors::choice;
 use super::run::{installed, simd};

@@ -1,4 +1,4 @@
-//! Depth: the words that describe it, its planes, and what a lens sees of it.
+//! Depth: the arguments that describe it, its planes, and its disparity for a lens.
 
 use super::errors::choice;
 use super::run::installed;

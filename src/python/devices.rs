@@ -1,4 +1,4 @@
-//! `dofsim.devices`, and the words that name a device.
+//! `dofsim.devices`, and the names of devices.
 
 use super::errors::choice;
 use crate::device::Device;

@@ -12,7 +12,7 @@ impl From<Error> for PyErr {
         match error {
             Error::Value(text) => PyValueError::new_err(text),
             Error::Device(text) => DeviceError::new_err(text),
-            // The signal that asked for it raises its own exception; this is for a stop without one.
+            // The signal that caused the stop raises its own exception; this is for a stop without a signal.
             Error::Cancelled => PyKeyboardInterrupt::new_err("the render was interrupted"),
         }
     }

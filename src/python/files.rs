@@ -1,4 +1,4 @@
-//! Bindings of [`crate::files`], for `dofsim.io` alone: paths and contiguous arrays in, arrays out.
+//! Bindings of [`crate::files`], only for `dofsim.io`: paths and contiguous arrays in, arrays out.
 
 use crate::color::{Sample, Transfer};
 use crate::files::{self, Alpha, FileError, Pixels, Problem, Samples, Shape, openexr};
@@ -15,7 +15,7 @@ impl From<FileError> for PyErr {
     fn from(error: FileError) -> Self {
         match &error.problem {
             Problem::Io(source) => {
-                // The system's words without Rust's "(os error 2)" after them.
+                // The system's message, without the "(os error 2)" that Rust appends.
                 let words = source.to_string();
                 let words = words.split(" (os error").next().unwrap_or_default().to_owned();
                 PyOSError::new_err((source.raw_os_error(), words, error.path.into_os_string()))

@@ -1,4 +1,4 @@
-//! How the picture that is given relates to the output: its margin, and its finer pixels.
+//! The relation of the given picture to the output: its margin, and its finer pixels.
 
 use crate::optics;
 use crate::picture::Size;

@@ -1,4 +1,4 @@
-//! The picture and its depth as the caller gave them, before a lens is known.
+//! The picture and its depth as the caller gave them, without a lens.
 
 use super::color::{ColorFormat, brighter_than_usual, color_shape, read_format, read_layer_color};
 use super::depth::read_depth;
@@ -79,7 +79,7 @@ impl Input {
             .iter()
             .zip(&self.depth)
             .map(|(color, depth)| {
-                // Where a layer has no surface its depth means nothing.
+                // Where a layer has no surface, its depth is meaningless.
                 let mut depth = Cow::Borrowed(depth);
                 if layered {
                     let alpha = &color[size.pixels() * (size.channels - 1)..];

@@ -1,4 +1,4 @@
-//! The methods by name, and the options that each of them takes.
+//! The methods by name, and their options.
 
 use super::aperture::PyAperture;
 use super::errors::{choice, shown};

@@ -1,4 +1,4 @@
-//! Where pictures go: an array of the caller's, or a new one, in the caller's own dtype and format.
+//! The destination of pictures: an array of the caller's or a new one, in the caller's dtype and colour format.
 
 use super::color::{Alpha, ColorFormat};
 use super::run::{detached, simd};
@@ -147,7 +147,7 @@ impl Output<'_> {
         }
         for c in 0..lights {
             let curve = if c < 3 { transfer } else { Transfer::Linear };
-            // Unmixed colours may be brighter than all that came in.
+            // Unmixed colours may be brighter than all input colours.
             let encoded = |v: f32| curve.encode((v * self.brighter).clamp(f32::MIN, f32::MAX));
             let (blocks, rest) = pixels.as_chunks_mut::<BLOCK>();
             for block in blocks {

@@ -1,4 +1,4 @@
-//! Running the core off the interpreter lock: worker threads, interruption, panics.
+//! Runs the core without holding the interpreter lock: worker threads, interruption, panics.
 
 use crate::cancel::Cancel;
 use crate::error::Result;
@@ -35,7 +35,8 @@ fn workers() -> MutexGuard<'static, Workers> {
     let mut workers = WORKERS.lock().unwrap_or_else(PoisonError::into_inner);
     let process = std::process::id();
     if workers.process != process {
-        // Nobody is there to be told to stop, and who was may have held locks that telling would wait for.
+        // The threads do not exist in this process, and the locks that telling them to stop would need may be held
+        // forever.
         std::mem::forget(std::mem::replace(&mut *workers, Workers { process, ..NONE }));
     }
     workers
@@ -67,7 +68,8 @@ impl Drop for Team {
         }
         let mut workers = workers();
         workers.idle.push(Arc::clone(&self.pool));
-        // No more wait for work than could do some, beside those that have just done it.
+        // At most as many workers wait for work as there are processors, in addition to those that have just
+        // finished.
         let most = processors().max(self.pool.current_num_threads());
         let mut waiting: usize = workers.idle.iter().map(|pool| pool.current_num_threads()).sum();
         while waiting > most {
@@ -129,7 +131,7 @@ pub fn detached<T: Send>(
             let cancel = &cancel;
             scope.spawn(move || {
                 let result = pool.install(|| catch_unwind(AssertUnwindSafe(|| work(cancel))));
-                // The receiver lives until the result is in.
+                // The receiver lives until it has received the result.
                 let _ = sender.send(result);
             });
             let mut interruption = None;

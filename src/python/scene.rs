@@ -63,7 +63,7 @@ impl PyScene {
         read_depth_kind(&DepthWords { depth_kind, near, far }, lens)?;
         let size = self.input.size;
         let rays = self.frame.geometry(size).rays(lens).filter(|_| self.kind.needs_rays());
-        // As for the layers of a scene, the lock is not held over parallel work.
+        // As with the layers of a scene, the lock is not held over parallel work.
         let cached = || self.renderer.lock().unwrap_or_else(PoisonError::into_inner);
         let at_hand =
             cached().as_ref().filter(|(made_with, _)| *made_with == rays).map(|(_, s)| Arc::clone(s));

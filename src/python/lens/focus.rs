@@ -1,4 +1,4 @@
-//! Where a lens is focused: on pixels, on what is nearest, on a mask, on a plane.
+//! The focus of a lens: on pixels, on the nearest surface, on a mask, on a plane.
 
 use super::super::depth::{DepthWords, SeenDepth, read_seen_depth};
 use super::PyLens;

@@ -1,4 +1,4 @@
-//! `dofsim.Lens`: its own words here, other cameras' in [`cameras`], and where it is focused in [`focus`].
+//! `dofsim.Lens`: its own parameters here, those of other cameras in [`cameras`], and its focus in [`focus`].
 
 pub mod cameras;
 pub mod focus;
@@ -354,7 +354,7 @@ impl PyLens {
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
-        // What is as it is by default is left out, but for the words of the lens itself.
+        // Parameters with their default value are left out, except for those of the thin lens itself.
         let (words, plain) = (self.words(py)?, self.plain().words(py)?);
         let own = match self.core.base {
             Base::Thin { .. } => 4,
@@ -387,7 +387,7 @@ impl PyLens {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        // functools.partial carries the keyword-only arguments.
+        // functools.partial passes the keyword-only arguments.
         let partial = py.import("functools")?.getattr("partial")?;
         let call = partial.call((self.maker(py)?,), Some(&self.words(py)?))?;
         Ok((call, PyTuple::empty(py)))
