@@ -1,6 +1,6 @@
 //! `dofsim.coc`.
 
-use super::depth::{DepthWords, read_depth, read_depth_kind, read_invalid};
+use super::depth::{DepthArguments, read_depth, read_depth_kind, read_invalid};
 use super::lens::PyLens;
 use super::run::installed;
 use crate::cancel::Cancel;
@@ -50,7 +50,7 @@ pub fn coc<'py>(
     far: Option<f64>,
     invalid: &str,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let kind = read_depth_kind(&DepthWords { depth_kind, near, far }, &lens.core)?;
+    let kind = read_depth_kind(&DepthArguments { depth_kind, near, far }, &lens.core)?;
     let invalid = read_invalid(invalid)?;
     let planes = read_depth(depth)?;
     let size = Size { width: planes.width, height: planes.height, channels: 1 };

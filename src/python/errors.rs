@@ -18,12 +18,12 @@ impl From<Error> for PyErr {
     }
 }
 
-/// A value as an error shows it.
+/// The text of a value in an error message.
 pub fn shown(value: &Bound<'_, PyAny>) -> String {
     value.repr().map_or_else(|_| value.get_type().to_string(), |repr| repr.to_string())
 }
 
-/// The value that a name stands for, among those accepted.
+/// The value of a name, which must be among those accepted.
 pub fn choice<T: Copy>(argument: &str, name: &str, accepted: &[(&str, T)]) -> PyResult<T> {
     let found = accepted.iter().find(|(n, _)| *n == name).map(|(_, value)| *value);
     found.ok_or_else(|| {

@@ -13,11 +13,11 @@ use pyo3::prelude::*;
 use std::borrow::Cow;
 use std::sync::Arc;
 
-/// Colour and depth, read but not yet seen through a lens.
+/// Colour and depth as they were read, before they are used with a lens.
 pub struct Input {
     pub size: Size,
     pub format: ColorFormat,
-    /// By what the colours that came in are brighter than those that are rendered, a power of two.
+    /// The factor by which the given colours are brighter than the rendered ones; a power of two.
     pub brighter: f32,
     /// Colour planes of each layer.
     color: Vec<Arc<Buffer<f32>>>,
@@ -64,7 +64,7 @@ impl Input {
         self.color.len()
     }
 
-    /// The picture in disparity. Kinds of depth along the ray need `rays`.
+    /// The picture with disparity. Kinds of depth that are measured along the ray need `rays`.
     pub fn picture(&self, kind: DepthKind, rays: Option<Rays>, invalid: Invalid) -> PyResult<Picture> {
         let size = self.size;
         let layered = self.color.len() > 1;

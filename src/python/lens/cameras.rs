@@ -14,7 +14,7 @@ pub fn sensors() -> Vec<(&'static str, f64, f64)> {
     SENSORS.iter().map(|(name, sensor)| (*name, sensor.width_mm, sensor.height_mm)).collect()
 }
 
-/// What `dofsim._cameras` reads of another program's camera.
+/// The parameters of another program's camera, as `dofsim._cameras` reads them.
 pub fn read_camera<'py, T: FromPyObjectOwned<'py>>(reader: &str, camera: &Bound<'py, PyAny>) -> PyResult<T> {
     let read = camera.py().import("dofsim._cameras")?.call_method1(reader, (camera,))?;
     read.extract().map_err(Into::into)
