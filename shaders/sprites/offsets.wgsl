@@ -25,9 +25,9 @@ var<workgroup> totals: array<vec2<u32>, 256>;
 @compute @workgroup_size(256)
 fn offsets(@builtin(local_invocation_index) thread: u32) {
     // Each thread sums a range of the workgroups.
-    let stretch = (params.groups + THREADS - 1u) / THREADS;
-    let first = min(thread * stretch, params.groups);
-    let end = min(first + stretch, params.groups);
+    let segment = (params.groups + THREADS - 1u) / THREADS;
+    let first = min(thread * segment, params.groups);
+    let end = min(first + segment, params.groups);
     var total = vec2<u32>();
     for (var i = first; i < end; i++) {
         total += counts[i];

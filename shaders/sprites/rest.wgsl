@@ -31,9 +31,9 @@ fn sum_of(a: Rest, b: Rest) -> Rest {
 @compute @workgroup_size(256)
 fn sum_rest(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
     // Each thread sums a range of the row.
-    let stretch = (params.size.x + THREADS - 1u) / THREADS;
-    let first = min(thread * stretch, params.size.x);
-    let end = min(first + stretch, params.size.x);
+    let segment = (params.size.x + THREADS - 1u) / THREADS;
+    let first = min(thread * segment, params.size.x);
+    let end = min(first + segment, params.size.x);
     let row = group.x * params.size.x;
     var total = Rest();
     for (var x = first; x < end; x++) {

@@ -175,7 +175,7 @@ impl<'a> Commands<'a> {
         Ok((layout, bind_group))
     }
 
-    /// The query indices for the times of the next pass, if it is timed.
+    /// The query set and the first query index for the times of the next pass, if it is timed.
     pub(super) fn stamps(&self) -> Option<(wgpu::QuerySet, u32)> {
         let first = 2 * self.passes.len() as u32;
         self.stamps.clone().filter(|_| first < 2 * MAX_TIMED).map(|stamps| (stamps, first))
@@ -245,20 +245,20 @@ impl<'a> Commands<'a> {
 }
 
 /// The time after the end of its work within which a device must report that a buffer is readable.
-const TOLD_WITHIN: Duration = Duration::from_secs(10);
+const MAP_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// A buffer that will become readable.
 struct Mapped {
     buffer: wgpu::Buffer,
-    told: Receiver<std::result::Result<(), wgpu::BufferAsyncError>>,
+    mapped: Receiver<std::result::Result<(), wgpu::BufferAsyncError>>,
 }
 
 impl Mapped {
     fn new(buffer: wgpu::Buffer) -> Mapped {
-        let (tell, told) = channel();
+        let (sender, mapped) = channel();
         // If the render was interrupted, nobody receives this message any more.
-        buffer.map_async(wgpu::MapMode::Read, .., move |result| drop(tell.send(result)));
-        Mapped { buffer, told }
+        buffer.map_async(wgpu::MapMode::Read, .., move |result| drop(sender.send(result)));
+        Mapped { buffer, mapped }
     }
 
     /// Reads the transferred buffer, once the work has ended.
@@ -266,7 +266,7 @@ impl Mapped {
     /// A thread that polls runs the callbacks of all buffers, so this waits: another thread may be about to run its
     /// callback.
     fn read<T>(&self, gpu: &Gpu, read: impl FnOnce(&[u8]) -> T) -> Result<T> {
-        match self.told.recv_timeout(TOLD_WITHIN) {
+        match self.mapped.recv_timeout(MAP_TIMEOUT) {
             Ok(Ok(())) => {
                 let view = self.buffer.get_mapped_range(..).map_err(|error| gpu.error(error))?;
                 Ok(read(&view))
