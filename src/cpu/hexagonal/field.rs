@@ -1,7 +1,7 @@
 //! A tile and its surroundings, read into planes.
 
 use super::lanes::LANES;
-use super::reach::{Courses, Reach};
+use super::reach::{BlockPaths, Reach};
 use crate::mirror::{mirrored, read_mirrored};
 use crate::optics::Optics;
 use crate::picture::{Layer, Size};
@@ -69,7 +69,7 @@ pub struct Field {
     pub values: Vec<f32>,
     /// A scratch row of the picture.
     row: Vec<f32>,
-    courses: Courses,
+    paths: BlockPaths,
     pub reach: Reach,
 }
 
@@ -104,7 +104,7 @@ impl Field {
             inverse,
             values: vec![0.0; take(0)],
             row: vec![0.0; stride],
-            courses: Courses::new(plan),
+            paths: BlockPaths::new(plan),
             reach: Reach::default(),
         }
     }
@@ -122,7 +122,7 @@ impl Field {
                 || circles(frame, &self.row, &mut self.values[self.coc + row * stride..][..stride]),
             );
         }
-        self.reach = Reach::new(&self.values[self.coc..][..area], stride, &self.courses, simd);
+        self.reach = Reach::new(&self.values[self.coc..][..area], stride, &self.paths, simd);
         if self.reach.is_none() {
             return;
         }

@@ -76,11 +76,11 @@ struct Step {
     from_px: f32,
 }
 
-/// The blocks that taps bounds a line read.
-struct Course(Vec<Step>);
+/// The blocks that taps along a line read.
+struct BlockPath(Vec<Step>);
 
-impl Course {
-    fn new(line: &Line) -> Course {
+impl BlockPath {
+    fn new(line: &Line) -> BlockPath {
         let mut steps: Vec<Step> = Vec::new();
         for tap in &line.taps {
             let [across, down] = [(tap.dx, BLOCK.0), (tap.dy, BLOCK.1)].map(|(d, side)| {
@@ -94,24 +94,24 @@ impl Course {
                 }
             }
         }
-        Course(steps)
+        BlockPath(steps)
     }
 }
 
 /// The lines of a plan, as the blocks that their taps read.
-pub struct Courses {
+pub struct BlockPaths {
     /// For each target: the lines of the first pass and those of the second.
-    targets: Vec<[Vec<Course>; 2]>,
+    targets: Vec<[Vec<BlockPath>; 2]>,
 }
 
-impl Courses {
-    pub fn new(plan: &Plan) -> Courses {
-        let of = |lines: &[Line]| lines.iter().map(Course::new).collect();
-        Courses { targets: plan.targets.iter().map(|t| [of(&t.gathered), of(&t.spread)]).collect() }
+impl BlockPaths {
+    pub fn new(plan: &Plan) -> BlockPaths {
+        let of = |lines: &[Line]| lines.iter().map(BlockPath::new).collect();
+        BlockPaths { targets: plan.targets.iter().map(|t| [of(&t.gathered), of(&t.spread)]).collect() }
     }
 }
 
-/// The taps bounds a line that need to be evaluated.
+/// The taps along a line that need to be evaluated.
 #[derive(Clone, Copy)]
 pub struct Taps<'a> {
     /// Taps that all circles of confusion reach completely.
@@ -129,7 +129,7 @@ impl<'a> Taps<'a> {
     }
 }
 
-/// The taps that the pixels of a block read bounds a line.
+/// The taps that the pixels of a block read along a line.
 pub struct BlockTaps<'a> {
     /// For light in front.
     pub near: Taps<'a>,
@@ -139,7 +139,7 @@ pub struct BlockTaps<'a> {
     pub through: Taps<'a>,
 }
 
-/// The ranges of radii that can reach each block bounds one line.
+/// The ranges of radii that can reach each block along one line.
 struct LineBounds {
     near: Vec<Span>,
     behind: Vec<Span>,
@@ -157,7 +157,7 @@ pub struct Reach {
 }
 
 impl Reach {
-    pub fn new(coc: &[f32], stride: usize, courses: &Courses, simd: Simd) -> Reach {
+    pub fn new(coc: &[f32], stride: usize, paths: &BlockPaths, simd: Simd) -> Reach {
         let (across, down) = (stride.div_ceil(BLOCK.0), (coc.len() / stride).div_ceil(BLOCK.1));
         let mut blocks = vec![Circles::NONE; across * down];
         for (y, row) in coc.chunks(stride).enumerate() {
@@ -176,15 +176,15 @@ impl Reach {
         // The first pass passes on the largest circle of confusion of the near light that a target gathers.
         let mut carried: Vec<Span> = vec![Span::NONE; reach.blocks.len()];
         let in_front: Vec<Span> = reach.blocks.iter().map(|block| block.in_front).collect();
-        for [gathered, spread] in &courses.targets {
-            for course in gathered {
-                let near = reach.near(&in_front, course);
+        for [gathered, spread] in &paths.targets {
+            for path in gathered {
+                let near = reach.near(&in_front, path);
                 carried.iter_mut().zip(&near).for_each(|(carried, near)| *carried = carried.with(*near));
-                let behind = reach.behind(course);
+                let behind = reach.behind(path);
                 reach.passes[0].push(LineBounds { near, behind });
             }
-            for course in spread {
-                let bounds = LineBounds { near: reach.near(&carried, course), behind: reach.behind(course) };
+            for path in spread {
+                let bounds = LineBounds { near: reach.near(&carried, path), behind: reach.behind(path) };
                 reach.passes[1].push(bounds);
             }
         }
@@ -201,7 +201,7 @@ impl Reach {
         y / BLOCK.1 * self.across + x / BLOCK.0
     }
 
-    /// The taps that block `b` reads bounds a line, which is line `i` of a pass.
+    /// The taps that block `b` reads along a line, which is line `i` of a pass.
     pub fn taps<'a>(&self, pass: usize, i: usize, line: &'a Line, b: usize) -> BlockTaps<'a> {
         let (block, bounds) = (&self.blocks[b], &self.passes[pass][i]);
         let near = Taps::new(line, bounds.near[b].least, bounds.near[b].most);
@@ -220,10 +220,10 @@ impl Reach {
     }
 
     /// The blocks that a line reads from block `b`.
-    fn steps<'a>(&self, course: &'a Course, b: usize) -> impl Iterator<Item = (usize, f32)> + use<'a> {
+    fn steps<'a>(&self, path: &'a BlockPath, b: usize) -> impl Iterator<Item = (usize, f32)> + use<'a> {
         let (across, down) = (self.across as i32, (self.blocks.len() / self.across) as i32);
         let (x, y) = (b as i32 % across, b as i32 / across);
-        course.0.iter().filter_map(move |step| {
+        path.0.iter().filter_map(move |step| {
             let (x, y) = (x + step.dx, y + step.dy);
             let inside = (0..across).contains(&x) && (0..down).contains(&y);
             inside.then_some(((y * across + x) as usize, step.from_px))
@@ -231,12 +231,12 @@ impl Reach {
     }
 
     /// The range of radii in front whose light can reach each block.
-    fn near(&self, spans: &[Span], course: &Course) -> Vec<Span> {
+    fn near(&self, spans: &[Span], path: &BlockPath) -> Vec<Span> {
         let of_block = |b: usize| {
-            let reaching = self.steps(course, b).filter(|(at, from_px)| spans[*at].most > *from_px);
+            let reaching = self.steps(path, b).filter(|(at, from_px)| spans[*at].most > *from_px);
             let most = reaching.map(|(at, _)| spans[at].most).fold(0.0, f32::max);
             // Taps extend as far as the largest circle reaches, and meet smaller ones on the way.
-            let met = self.steps(course, b).filter(|(_, from_px)| *from_px < most);
+            let met = self.steps(path, b).filter(|(_, from_px)| *from_px < most);
             let least = met.map(|(at, _)| spans[at].least).fold(f32::INFINITY, f32::min);
             Span { least, most }
         };
@@ -245,10 +245,10 @@ impl Reach {
 
     /// The range of radii behind the focus that the pixels of each block can meet. A pixel receives light from
     /// circles up to twice its own radius.
-    fn behind(&self, course: &Course) -> Vec<Span> {
+    fn behind(&self, path: &BlockPath) -> Vec<Span> {
         let of_block = |b: usize| {
             let farthest_px = 2.0 * self.blocks[b].behind.most;
-            let met = self.steps(course, b).filter(|(_, from_px)| *from_px < farthest_px);
+            let met = self.steps(path, b).filter(|(_, from_px)| *from_px < farthest_px);
             met.fold(Span::NONE, |all, (at, _)| all.with(self.blocks[at].behind))
         };
         (0..self.blocks.len()).map(of_block).collect()
@@ -286,7 +286,7 @@ mod tests {
             [-20.0f32, 0.0, 7.0, -9.0, 3.0, 12.0, 0.0, -17.0][(x / 48 + 3 * (y / 40)) % 8]
         };
         let coc: Vec<f32> = (0..rows).flat_map(|y| (0..stride).map(move |x| patch(x, y))).collect();
-        let reach = Reach::new(&coc, stride, &Courses::new(&plan), Simd::PORTABLE);
+        let reach = Reach::new(&coc, stride, &BlockPaths::new(&plan), Simd::PORTABLE);
         let lines = plan.targets.iter().flat_map(|target| &target.gathered);
         for (i, line) in lines.enumerate() {
             for (x, y) in (24..72).flat_map(|y| (24..168).map(move |x| (x, y))) {

@@ -157,7 +157,8 @@ impl<const C: usize> RestSum<C> {
         }
         let seen = lane(values, rest.seen + at);
         for i in 0..LANES {
-            // The visible part of the background of a pixel behind the focus is that of the pixel itself.
+            // A pixel behind the focus receives only light from behind the focus, which is as visible as the pixel
+            // itself.
             self.seen[i] += if pixel.coc[i] < 0.0 { sum.seen[i] * scale[i] } else { seen[i] };
         }
         for c in 0..C {
