@@ -8,7 +8,7 @@ use std::ops::{Deref, DerefMut};
 use std::sync::{Mutex, MutexGuard, TryLockError};
 
 /// Number of values that a worker fills at a time.
-const AT_ONCE: usize = 1 << 14;
+const CHUNK_LEN: usize = 1 << 14;
 
 /// Plain values, in memory that is kept for the next buffer of about this size.
 pub struct Buffer<T: Pod> {
@@ -33,7 +33,7 @@ impl<T: Pod + Send + Sync> Buffer<T> {
     /// `len` copies of one value.
     pub fn full(len: usize, value: T) -> Buffer<T> {
         let mut buffer = Buffer::unset(len);
-        buffer.par_chunks_mut(AT_ONCE).for_each(|chunk| chunk.fill(value));
+        buffer.par_chunks_mut(CHUNK_LEN).for_each(|chunk| chunk.fill(value));
         buffer
     }
 
@@ -52,7 +52,7 @@ impl<T: Pod + Send + Sync> Buffer<T> {
     /// One value for each of `from`.
     pub fn of_each<A: Sync>(from: &[A], value: impl Fn(&A) -> T + Send + Sync) -> Buffer<T> {
         let mut buffer = Buffer::unset(from.len());
-        let chunks = buffer.par_chunks_mut(AT_ONCE).zip(from.par_chunks(AT_ONCE));
+        let chunks = buffer.par_chunks_mut(CHUNK_LEN).zip(from.par_chunks(CHUNK_LEN));
         chunks.for_each(|(out, from)| out.iter_mut().zip(from).for_each(|(out, from)| *out = value(from)));
         buffer
     }

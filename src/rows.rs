@@ -10,7 +10,7 @@ use std::ops::Index;
 const BAND: usize = 8;
 /// Number of rows or blocks that a worker takes at a time if some cost a hundred times as much as others: no other
 /// worker can take over work that one worker has begun.
-pub const AT_ONCE: usize = 8;
+pub const ITEMS_PER_TASK: usize = 8;
 
 /// Renders an interleaved picture of `size` in bands of `rows` rows; `band(scratch, first_y, out)` renders one band.
 /// Every worker has a `scratch` of its own.

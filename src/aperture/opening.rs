@@ -229,8 +229,8 @@ impl Aperture {
         self.unsqueezed(l.map(|v| v * scale))
     }
 
-    /// The factor by which a lens point was scaled down: `l' = c l / (1 - b . l)` solved for `l` is `l' / (c + b .
-    /// l')`.
+    /// The factor by which a lens point was scaled down: `l' = c l / (1 - b . l)` solved for `l` is
+    /// `l' / (c + b . l')`.
     fn unleaned_scale(&self, l: [f64; 2]) -> f64 {
         let [bx, by] = self.lean;
         1.0 / (1.0 - bx.hypot(by) + bx * l[0] + by * l[1])

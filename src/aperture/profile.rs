@@ -58,8 +58,8 @@ impl Profile {
         self.apodization.map_or(1.0, |sigma| (-0.5 * (rho / sigma).powi(2)).exp())
     }
 
-    /// Light between the rim of the hole and `rho`, up to a constant factor: the integral of the density over `x =
-    /// rho^2`, in closed form.
+    /// Light between the rim of the hole and `rho`, up to a constant factor: the integral of the density over
+    /// `x = rho^2`, in closed form.
     fn mass(&self, rho: f64, side: Side) -> f64 {
         let s = self.slope(side);
         let (x, x0) = (rho * rho, self.hole * self.hole);

@@ -18,7 +18,7 @@ fn openings() -> Vec<(Aperture, Option<[f64; 2]>)> {
         (Aperture::new(0, 0.0, Some(0.25)).unwrap(), Some([0.0625; 2])),
         (hexagon().with_ratio(2.0).unwrap(), Some([six / 4.0, six])),
         (disc().with_ratio(0.5).unwrap(), Some([0.25, 0.0625])),
-        // Disc less disc: (1 - o^4) / (1 - o^2) / 4.
+        // Disc minus disc: (1 - o^4) / (1 - o^2) / 4.
         (disc().with_obstruction(0.5).unwrap(), Some([0.3125; 2])),
         (hexagon().with_roundness(1.0).unwrap(), Some([0.25; 2])),
         (hexagon().with_roundness(0.3).unwrap(), None),

@@ -19,8 +19,8 @@ pub struct Frame {
     pub margin: usize,
 }
 
-/// The second stop, in the barrel of a lens. As seen from pixel `p`, it is displaced across the opening to `c(p) =
-/// per_px (p - centre)`, in radii of the opening, and clips it.
+/// The second stop, in the barrel of a lens. As seen from pixel `p`, it is displaced across the opening to
+/// `c(p) = per_px (p - centre)`, in radii of the opening, and clips it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SecondStop {
     /// The pixel on the axis.

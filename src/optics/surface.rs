@@ -8,10 +8,10 @@
 //! `k (d'(q) - d_f(c)) = t - k b . (q - p) = t (1 - k b . l)`. That is the plain lens again, over `d'`, with the lens
 //! points `l / (1 - k b . l)`. This is exact, and it is the whole effect of a tilt.
 //!
-//! Field curvature adds `h |p - c|^2`. It is subtracted likewise. Its own gradient would change lens points by `k 2 h
-//! (p - c) . l` relative to themselves, which is neglected: where the curvature has changed the focus by `n` pixels
-//! of circle of confusion at `r` pixels from the axis, the relative error of radii towards one side is up to `2 n /
-//! r`.
+//! Field curvature adds `h |p - c|^2`. It is subtracted likewise. Its own gradient would change lens points by
+//! `k 2 h (p - c) . l` relative to themselves, which is neglected: where the curvature has changed the focus by `n`
+//! pixels of circle of confusion at `r` pixels from the axis, the relative error of radii towards one side is up to
+//! `2 n / r`.
 
 use super::lens::{Base, Lens, Mount};
 use crate::error::{Result, value_error};
@@ -94,8 +94,8 @@ impl Lens {
     }
 
     /// The disparity that has to be in focus on the axis so that the focus surface contains a point of disparity `d`
-    /// at position `u`, in focal lengths to the right of the axis and below it. `None` if that would be behind the
-    /// camera.
+    /// at position `u`, in focal lengths to the right of the axis and below it. `None` if no point in front of the
+    /// camera does that.
     pub fn on_axis(&self, d: f64, u: [f64; 2]) -> Option<f64> {
         if !self.has_surface() {
             return Some(d);

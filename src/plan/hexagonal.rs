@@ -11,9 +11,9 @@
 //! ```
 //!
 //! The size is that of each pixel's own circle of confusion, by scatter as gather: a look-up counts if the circle of
-//! confusion of the pixel that is read reaches the pixel that is shaded. As the comments in the article's code say,
-//! light in front of the focus spreads over everything. Light behind the focus spreads only over pixels that are
-//! behind it too, and at most over twice their circle of confusion. The first pass passes on the largest circle of
+//! confusion of the pixel that is read reaches the pixel that is shaded. As the article's comments say, light in front
+//! of the focus spreads over everything. Light behind the focus spreads only over pixels that are behind it too, and
+//! only if its circle of confusion is no more than twice theirs. The first pass passes on the largest circle of
 //! confusion of the near light that it gathered, so that the second pass can find that light.
 //!
 //! Where the article leaves a choice: light in front is kept separate as colour times coverage, spread evenly over

@@ -42,8 +42,8 @@ impl Texture {
         Ok(Texture { width, values })
     }
 
-    /// The part of each pixel that the texture covers when it spans `radius` pixels to either side: `(dx, dy,
-    /// weight)`.
+    /// The part of each pixel that the texture covers when it spans `radius` pixels to either side:
+    /// `(dx, dy, weight)`.
     fn weights(&self, radius: f64) -> Vec<(i32, i32, f64)> {
         let reach = (radius + 0.5).ceil() as i32;
         let height = self.values.len() / self.width;

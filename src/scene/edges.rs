@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-/// Two neighbours closer than this in shift belong together: within half a pixel of either's own place.
+/// Neighbours whose shifts differ by less are on one surface: half-way between them is within half a pixel of either.
 pub const CONNECTED_PX: f32 = 1.0;
 
 /// Tolerance for the linear continuation of a surface: neighbours that deviate less are still on one surface. The

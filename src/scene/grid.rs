@@ -2,5 +2,5 @@
 
 /// Side of a block in pixels; depth is bounded for each block.
 pub const BLOCK: usize = 16;
-/// Columns and rows of the tiles that a frame is rendered in.
+/// Columns and rows of the tiles in which a frame is rendered.
 pub const TILE: (usize, usize) = (64, 32);

@@ -9,7 +9,7 @@ use super::grid::BLOCK;
 use super::matting::{FrontLayer, MixedPixel};
 use crate::cancel::Cancel;
 use crate::error::Result;
-use crate::rows::AT_ONCE;
+use crate::rows::ITEMS_PER_TASK;
 use rayon::prelude::*;
 
 /// Directions in which rays march from a hidden pixel: exits 16 pixels away are 6 pixels apart.
@@ -414,7 +414,7 @@ pub fn hidden(frame: &FrontLayer, mixed: &[MixedPixel], cancel: &Cancel) -> Resu
 
     let farthest: Vec<_> = (0..blocks.edge_s.len())
         .into_par_iter()
-        .with_max_len(AT_ONCE)
+        .with_max_len(ITEMS_PER_TASK)
         .map(|b| blocks.farthest_uncovered(b, s_min))
         .collect();
     let across = blocks.across;
@@ -443,7 +443,7 @@ pub fn hidden(frame: &FrontLayer, mixed: &[MixedPixel], cancel: &Cancel) -> Resu
         }
         Ok(filled)
     };
-    let numbers = (0..search.farthest.len()).into_par_iter().with_max_len(AT_ONCE);
+    let numbers = (0..search.farthest.len()).into_par_iter().with_max_len(ITEMS_PER_TASK);
     let filled = numbers.map(fill_block).collect::<Result<Vec<_>>>()?;
     Ok(filled.into_iter().flatten().collect())
 }

@@ -8,7 +8,7 @@ use super::edges::{CONNECTED_PX, EDGE};
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::picture::Size;
-use crate::rows::AT_ONCE;
+use crate::rows::ITEMS_PER_TASK;
 use rayon::prelude::*;
 
 /// The longest ring of pixels searched for a pure colour: past the edge pixels of a structure that is itself as thin
@@ -270,8 +270,11 @@ pub fn unmix(frame: &FrontLayer, cancel: &Cancel) -> Result<Vec<MixedPixel>> {
             (0..frame.size.width).filter(|x| frame.connectivity[y * frame.size.width + x] & EDGE != 0);
         Ok(edges.filter_map(|x| unmix_pixel(frame, x, y)).collect::<Vec<_>>())
     };
-    let rows =
-        (0..frame.size.height).into_par_iter().with_max_len(AT_ONCE).map(row).collect::<Result<Vec<_>>>()?;
+    let rows = (0..frame.size.height)
+        .into_par_iter()
+        .with_max_len(ITEMS_PER_TASK)
+        .map(row)
+        .collect::<Result<Vec<_>>>()?;
     Ok(rows.concat())
 }
 

@@ -1,8 +1,8 @@
-//! A picture and what is prepared from it once, for any focus and any device.
+//! A picture and the data that are prepared from it once, for any focus and any device.
 //!
 //! In the order of the work: [`edges`] finds depth discontinuities, [`matting`] separates the two surfaces of edge
-//! pixels, [`inpaint`] fills what the foreground hides, [`layered`] holds the result, [`depth_spans`] and
-//! [`depth_bounds`] say which depths occur where, and [`highlights`] which cells are bright.
+//! pixels, [`inpaint`] fills the surfaces that the foreground hides, and [`layered`] holds the result.
+//! [`depth_spans`] and [`depth_bounds`] bound the depths that occur, and [`highlights`] finds the bright cells.
 
 pub(crate) mod colors;
 pub(crate) mod depth_bounds;
@@ -31,7 +31,7 @@ const MAX_RADIUS_PX: f64 = 2048.0;
 /// The strength of a lens and its focus surface, with the layers that were prepared for both.
 type Prepared = (f64, FocusSurface, Arc<LayeredScene>);
 
-/// A picture, with what has been prepared from it.
+/// A picture, and the data that have been prepared from it.
 pub struct Scene {
     pub(crate) picture: Arc<Picture>,
     /// Number of channels that hold light; coverage is not counted.

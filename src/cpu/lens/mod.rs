@@ -25,7 +25,7 @@ use crate::plan::lens::kernels::{self, Kernels};
 use crate::plan::lens::optical_vignetting::PupilClip;
 use crate::plan::lens::tiles::{self, Work};
 use crate::plan::lens::{Plan, Settings};
-use crate::rows::{AT_ONCE, interleave, with_channels};
+use crate::rows::{ITEMS_PER_TASK, interleave, with_channels};
 use crate::scene::colors::Colors;
 use crate::scene::grid::TILE;
 use crate::scene::layered::LayeredScene;
@@ -36,7 +36,7 @@ use sweep::{Segments, Start};
 use tile_color::TileColor;
 
 /// Tiles that a worker takes at a time: more than elsewhere, because it allocates scratch memory each time.
-const TILES_AT_ONCE: usize = 4 * AT_ONCE;
+const TILES_PER_TASK: usize = 4 * ITEMS_PER_TASK;
 
 /// The input of a render.
 pub struct Input<'a> {
@@ -101,7 +101,7 @@ pub fn render(
 
     let pass = highlights::HighlightPass { padded: &padded, s_focus, kernels: &kernels, clip: clip.as_ref() };
     let mut slots = split(out, size, TILE);
-    slots.par_iter_mut().zip(&tiles).enumerate().with_max_len(TILES_AT_ONCE).try_for_each_init(
+    slots.par_iter_mut().zip(&tiles).enumerate().with_max_len(TILES_PER_TASK).try_for_each_init(
         || (Segments::default(), Sums::default(), TileColor::new(size.channels)),
         |(segments, sums, color), (i, (slot, tile))| {
             cancel.check()?;

@@ -20,7 +20,7 @@ pub const REACHES: [usize; 4] = [2, 4, 8, 16];
 
 /// Variance per axis that drawing a cell at fractions of a pixel adds under shift `t`.
 ///
-/// A fraction `f` between two places adds `f (1 - f)`. Over the lens points of a disc its mean is
+/// A fraction `f` between two positions adds `f (1 - f)`. Over the lens points of a disc its mean is
 /// `4 t / (3 pi) - t^2 / 4` up to one pixel and about 1/6 beyond.
 fn splat_variance(t: f32) -> f32 {
     let beyond = 1.0 / 6.0;

@@ -78,7 +78,7 @@ pub struct Plan {
     pub padding: Padding,
     /// The bounds of depth of the padded frame.
     pub bounds: DepthBounds,
-    /// What each tile needs.
+    /// The work of each tile.
     pub tiles: Vec<Tile>,
     /// The samples for every count that some tile needs.
     pub sample_sets: BTreeMap<usize, Vec<LensSample>>,

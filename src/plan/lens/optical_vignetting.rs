@@ -91,8 +91,8 @@ impl PupilClip {
         if open > 0.0 { (0.5 + t.abs() * inside).clamp(0.0, 1.0) / open } else { 0.0 }
     }
 
-    /// Which pixels `p` of the tile at `origin` see the opening at `pupil`, if any do: those with `|pupil - c(p)| <=
-    /// 1`. As `c` is linear, they form one interval in every row.
+    /// Which pixels `p` of the tile at `origin` see the opening at `pupil`, if any do: those with
+    /// `|pupil - c(p)| <= 1`. As `c` is linear, they form one interval in every row.
     pub fn pixels_seeing(&self, pupil: [f64; 2], origin: (usize, usize)) -> Option<Seen> {
         let SecondStop { centre, per_px } = self.second_stop;
         // The pixel whose stop is centred on the point, relative to the tile's first pixel, and the radius around it.

@@ -2,7 +2,7 @@
 
 use super::padding::Padding;
 use crate::optics::SecondStop;
-use crate::rows::AT_ONCE;
+use crate::rows::ITEMS_PER_TASK;
 use crate::scene::depth_bounds::{DepthBits, DepthBounds};
 use crate::scene::depth_codes::DepthCodes;
 use crate::scene::grid::{BLOCK, TILE};
@@ -131,7 +131,7 @@ pub fn plan(inputs: &Inputs, count_samples: impl Fn(f64) -> usize + Sync) -> Vec
     let columns = (0..padding.width).step_by(TILE.0);
     let rows = (0..padding.height).step_by(TILE.1);
     let origins: Vec<_> = rows.flat_map(|y| columns.clone().map(move |x| (x, y))).collect();
-    origins.into_par_iter().with_max_len(AT_ONCE).map(plan_tile).collect()
+    origins.into_par_iter().with_max_len(ITEMS_PER_TASK).map(plan_tile).collect()
 }
 
 /// For each padded block, whether some sweep may read it.
