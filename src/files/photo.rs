@@ -11,7 +11,8 @@ const ACCEPTED: &str = "grey, grey with alpha, RGB and RGBA pictures, not turned
 pub(super) fn read(source: Source, format: ImageFormat) -> Result<Raster, Problem> {
     let length = source.length;
     let mut reader = ImageReader::with_format(source.reader, format);
-    // The decoders' own bounds are for uploads; what the header claims is held against the file's length instead.
+    // The decoders' own limits are meant for uploads; here the header's claim is checked against the length of the
+    // file.
     reader.limits(Limits::no_limits());
     let mut decoder = reader.into_decoder()?;
     let refuse = |found: String| Problem::Unsupported { found, accepted: ACCEPTED };

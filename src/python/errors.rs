@@ -12,18 +12,18 @@ impl From<Error> for PyErr {
         match error {
             Error::Value(text) => PyValueError::new_err(text),
             Error::Device(text) => DeviceError::new_err(text),
-            // The signal that asked for it raises its own exception; this is for a stop without one.
+            // The signal that caused the stop raises its own exception; this is for a stop without a signal.
             Error::Cancelled => PyKeyboardInterrupt::new_err("the render was interrupted"),
         }
     }
 }
 
-/// A value as an error shows it.
+/// The text of a value in an error message.
 pub fn shown(value: &Bound<'_, PyAny>) -> String {
     value.repr().map_or_else(|_| value.get_type().to_string(), |repr| repr.to_string())
 }
 
-/// The value that a name stands for, among those accepted.
+/// The value of a name, which must be among those accepted.
 pub fn choice<T: Copy>(argument: &str, name: &str, accepted: &[(&str, T)]) -> PyResult<T> {
     let found = accepted.iter().find(|(n, _)| *n == name).map(|(_, value)| *value);
     found.ok_or_else(|| {

@@ -1,4 +1,4 @@
-//! `dofsim.Lens`: its own words here, other cameras' in [`cameras`], and where it is focused in [`focus`].
+//! `dofsim.Lens`: its own parameters here, those of other cameras in [`cameras`], and its focus in [`focus`].
 
 pub mod cameras;
 pub mod focus;
@@ -10,10 +10,10 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-/// Hash of a settings value by its own words.
-pub fn hash_words(words: &str) -> u64 {
+/// Hash of the text of a settings value.
+pub fn hash_text(text: &str) -> u64 {
     let mut hasher = DefaultHasher::new();
-    words.hash(&mut hasher);
+    text.hash(&mut hasher);
     hasher.finish()
 }
 
@@ -335,7 +335,7 @@ impl PyLens {
     /// 0.0
     #[pyo3(signature = (**changes))]
     fn replace(&self, py: Python<'_>, changes: Option<&Bound<'_, PyDict>>) -> PyResult<PyLens> {
-        let words = self.words(py)?;
+        let words = self.arguments(py)?;
         for (key, value) in changes.into_iter().flatten() {
             if !words.contains(&key)? {
                 let own: Vec<String> = words.keys().iter().map(|k| k.to_string()).collect();
@@ -346,7 +346,7 @@ impl PyLens {
             }
             words.set_item(key, value)?;
         }
-        self.maker(py)?
+        self.constructor(py)?
             .call((), Some(&words))?
             .extract::<PyRef<'_, PyLens>>()
             .map(|l| l.clone())
@@ -354,8 +354,8 @@ impl PyLens {
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
-        // What is as it is by default is left out, but for the words of the lens itself.
-        let (words, plain) = (self.words(py)?, self.plain().words(py)?);
+        // Parameters with their default value are left out, except for those of the thin lens itself.
+        let (words, plain) = (self.arguments(py)?, self.plain().arguments(py)?);
         let own = match self.core.base {
             Base::Thin { .. } => 4,
             Base::Relative { .. } => 2,
@@ -370,11 +370,11 @@ impl PyLens {
                 shown.push(format!("{key}={value}"));
             }
         }
-        let maker = match self.core.base {
+        let constructor = match self.core.base {
             Base::Thin { .. } => "Lens",
             Base::Relative { .. } => "Lens.from_disparity",
         };
-        Ok(format!("{maker}({})", shown.join(", ")))
+        Ok(format!("{constructor}({})", shown.join(", ")))
     }
 
     /// What a notebook shows: the words of the lens, and how blur grows with the distance.
@@ -383,30 +383,30 @@ impl PyLens {
     }
 
     fn __hash__(&self, py: Python<'_>) -> PyResult<u64> {
-        Ok(hash_words(&self.__repr__(py)?))
+        Ok(hash_text(&self.__repr__(py)?))
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        // functools.partial carries the keyword-only arguments.
+        // functools.partial passes the keyword-only arguments.
         let partial = py.import("functools")?.getattr("partial")?;
-        let call = partial.call((self.maker(py)?,), Some(&self.words(py)?))?;
+        let call = partial.call((self.constructor(py)?,), Some(&self.arguments(py)?))?;
         Ok((call, PyTuple::empty(py)))
     }
 }
 
-/// The name that a choice goes by.
+/// The public name of a choice.
 fn name_of<T: Copy + PartialEq>(value: T, names: &[(&'static str, T)]) -> Option<&'static str> {
     names.iter().find(|(_, own)| *own == value).map(|(name, _)| *name)
 }
 
 impl PyLens {
-    /// The same thin lens with nothing to it.
+    /// The same lens without a mount and without aberrations.
     fn plain(&self) -> PyLens {
         PyLens { core: Lens { mount: Mount::PLAIN, aberrations: Aberrations::NONE, ..self.core } }
     }
 
-    /// The constructor that makes such a lens.
-    fn maker<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+    /// The constructor of such a lens.
+    fn constructor<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let class = py.get_type::<PyLens>();
         match self.core.base {
             Base::Thin { .. } => Ok(class.into_any()),
@@ -415,7 +415,7 @@ impl PyLens {
     }
 
     /// The arguments of that constructor.
-    fn words<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+    fn arguments<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let words = PyDict::new(py);
         match self.core.base {
             Base::Thin { aperture_radius, focus_distance, fov, .. } => {
