@@ -67,12 +67,12 @@ impl Method {
                 "lens: cat_eye is for method=\"lens\"; method={name:?} draws the same opening everywhere"
             ));
         }
-        for (flaw, values) in
+        for (aberration, values) in
             [("axial_color", lens.aberrations.axial_color), ("lateral_color", lens.aberrations.lateral_color)]
         {
             if values != [values[0]; 3] && lights != 3 {
                 return Err(value_error!(
-                    "lens: {flaw} needs color of three channels, red, green and blue; got {lights}"
+                    "lens: {aberration} needs color of three channels, red, green and blue; got {lights}"
                 ));
             }
         }

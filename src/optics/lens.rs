@@ -266,7 +266,7 @@ impl Lens {
     }
 
     /// The same lens with these aberrations.
-    pub fn flawed(self, aberrations: Aberrations) -> Result<Lens> {
+    pub fn with_aberrations(self, aberrations: Aberrations) -> Result<Lens> {
         within("field_curvature", &[aberrations.field_curvature], 1e6, "a curvature in 1/m")?;
         within("axial_color", &aberrations.axial_color, 1e6, "three disparities (red, green, blue)")?;
         within(
@@ -320,7 +320,7 @@ impl Lens {
             }
             Base::Relative { strength, .. } => Lens::from_disparity(strength, d),
         }?;
-        lens.mounted(self.mount)?.flawed(self.aberrations)
+        lens.mounted(self.mount)?.with_aberrations(self.aberrations)
     }
 }
 
@@ -344,16 +344,20 @@ mod tests {
             (thin(f64::INFINITY).mounted(tilted), "tilt"),
             (relative.mounted(tilted), "tilt"),
             (thin(1.0).mounted(Mount { sensor_mm: Some(0.0), ..Mount::PLAIN }), "sensor_mm"),
-            (thin(1.0).flawed(Aberrations { cat_eye: 1.5, ..Aberrations::NONE }), "cat_eye"),
+            (thin(1.0).with_aberrations(Aberrations { cat_eye: 1.5, ..Aberrations::NONE }), "cat_eye"),
             (
-                thin(1.0).flawed(Aberrations { vignetting: Vignetting::Full, ..Aberrations::NONE }),
+                thin(1.0).with_aberrations(Aberrations { vignetting: Vignetting::Full, ..Aberrations::NONE }),
                 "vignetting",
             ),
             (
-                thin(1.0).flawed(Aberrations { lateral_color: [0.0, 0.0, 2.0], ..Aberrations::NONE }),
+                thin(1.0)
+                    .with_aberrations(Aberrations { lateral_color: [0.0, 0.0, 2.0], ..Aberrations::NONE }),
                 "lateral_color",
             ),
-            (relative.flawed(Aberrations { field_curvature: 1.0, ..Aberrations::NONE }), "field_curvature"),
+            (
+                relative.with_aberrations(Aberrations { field_curvature: 1.0, ..Aberrations::NONE }),
+                "field_curvature",
+            ),
         ] {
             let text = lens.unwrap_err().to_string();
             assert!(text.starts_with(name), "{text}");

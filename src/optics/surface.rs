@@ -141,7 +141,7 @@ mod tests {
     fn lens(tilt_deg: [f64; 2], field_curvature: f64) -> Lens {
         let lens = Lens::thin(0.05, 3.0, 50.0, FovAxis::X).unwrap();
         let lens = lens.mounted(Mount { tilt_deg, ..Mount::PLAIN }).unwrap();
-        lens.flawed(Aberrations { field_curvature, ..Aberrations::NONE }).unwrap()
+        lens.with_aberrations(Aberrations { field_curvature, ..Aberrations::NONE }).unwrap()
     }
 
     #[test]

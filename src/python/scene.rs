@@ -236,7 +236,7 @@ impl PyScene {
         let focused = distances.iter().map(|&distance| match lens.core.base {
             Base::Thin { aperture_radius, fov, fov_axis, .. } => {
                 let lens_there = Lens::thin(aperture_radius, distance, fov, fov_axis)?;
-                lens_there.mounted(lens.core.mount)?.flawed(lens.core.aberrations)
+                lens_there.mounted(lens.core.mount)?.with_aberrations(lens.core.aberrations)
             }
             Base::Relative { .. } => lens.core.focused_at_disparity(distance),
         });

@@ -125,7 +125,7 @@ impl PyLens {
             vignetting: choice("vignetting", vignetting, &Vignetting::NAMES)?,
         };
         let lens = Lens::thin(aperture_radius, focus_distance, fov, fov_axis)?;
-        Ok(PyLens { core: lens.mounted(mount)?.flawed(aberrations)? })
+        Ok(PyLens { core: lens.mounted(mount)?.with_aberrations(aberrations)? })
     }
 
     /// A lens over relative disparity, as a monocular depth network gives it, with no metric claim.
@@ -188,7 +188,9 @@ impl PyLens {
             vignetting: choice("vignetting", vignetting, &Vignetting::NAMES)?,
             ..Aberrations::NONE
         };
-        Ok(PyLens { core: Lens::from_disparity(strength, focus)?.mounted(mount)?.flawed(aberrations)? })
+        Ok(PyLens {
+            core: Lens::from_disparity(strength, focus)?.mounted(mount)?.with_aberrations(aberrations)?,
+        })
     }
 
     /// Radius of the opening in metres; None for a lens over relative disparity.
