@@ -22,10 +22,28 @@ pub fn render_bands<S>(
     scratch: impl Fn() -> S + Sync + Send,
     band: impl Fn(&mut S, usize, &mut [f32]) + Sync + Send,
 ) -> Result<()> {
-    let length = size.width * size.channels;
-    out.par_chunks_mut(rows * length).enumerate().try_for_each_init(scratch, |scratch, (i, out)| {
+    let worker = || -> Worker {
+        let mut scratch = scratch();
+        let band = &band;
+        Box::new(move |first, out| band(&mut scratch, first, out))
+    };
+    share_bands(out, rows, size.width * size.channels, cancel, &worker)
+}
+
+/// Renders the band that begins at a row.
+type Worker<'a> = Box<dyn FnMut(usize, &mut [f32]) + 'a>;
+
+/// Shares bands of `rows` rows of `length` values among workers. Compiled once for all methods and numbers of channels.
+fn share_bands<'a>(
+    out: &mut [f32],
+    rows: usize,
+    length: usize,
+    cancel: &Cancel,
+    worker: &(dyn Fn() -> Worker<'a> + Sync),
+) -> Result<()> {
+    out.par_chunks_mut(rows * length).enumerate().try_for_each_init(worker, |worker, (i, out)| {
         cancel.check()?;
-        band(scratch, i * rows, out);
+        worker(i * rows, out);
         Ok(())
     })
 }
