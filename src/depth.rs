@@ -35,12 +35,14 @@ pub enum DepthKind {
     Disparity,
     /// Relative disparity of any scale, which is normalised to 0 (far) to 1 (near); see [`normalize`].
     Relative,
-    /// Post-projection depth, from 0 (near) to 1 (far).
+    /// Post-projection depth, from `first` to 1. Either plane may be infinite, and either the nearer.
     ZBuffer {
-        /// Near clip plane in metres.
+        /// Distance in metres at the value `first`.
         near: f64,
-        /// Far clip plane in metres; may be infinite.
+        /// Distance in metres at the value 1.
         far: f64,
+        /// 0, or -1 as in OpenGL's normalized device coordinates.
+        first: f64,
     },
     /// Mitsuba's depth AOV: distance along the ray, from the near clip plane; 0 where nothing was hit.
     DistanceFromNear {
@@ -61,11 +63,22 @@ impl DepthKind {
             DepthKind::Distance => valid(v > 0.0, ray_length / v),
             DepthKind::InverseZ => valid(v >= 0.0, v),
             DepthKind::Disparity | DepthKind::Relative => v,
-            // 1/z is affine in post-projection depth: 1/near at 0, 1/far at 1.
-            DepthKind::ZBuffer { near, far } => valid((0.0..=1.0).contains(&v), (1.0 - v) / near + v / far),
+            // 1/z is affine in post-projection depth: 1/near at the first value, 1/far at 1.
+            DepthKind::ZBuffer { near, far, first } => {
+                let t = (v - first) / (1.0 - first);
+                valid((0.0..=1.0).contains(&t), (1.0 - t) / near + t / far)
+            }
             DepthKind::DistanceFromNear { .. } if v == 0.0 => 0.0,
             DepthKind::DistanceFromNear { near } => valid(v >= 0.0, (v / ray_length + near).recip()),
         }
+    }
+
+    /// Whether values of this kind are distances, or their inverses, which have one sign.
+    fn is_never_negative(self) -> bool {
+        matches!(
+            self,
+            DepthKind::Z | DepthKind::Distance | DepthKind::InverseZ | DepthKind::DistanceFromNear { .. }
+        )
     }
 
     /// Whether the kind needs the direction of each pixel's ray.
@@ -73,7 +86,7 @@ impl DepthKind {
         matches!(self, DepthKind::Distance | DepthKind::DistanceFromNear { .. })
     }
 
-    /// The value of the background, which is at infinity or, in relative disparity, at 0. A z-buffer whose far plane
+    /// The value of the background, which is at infinity or, in relative disparity, at 0. A z-buffer whose farther plane
     /// is finite has its background at that plane.
     pub fn background(self) -> f32 {
         match self {
@@ -82,7 +95,7 @@ impl DepthKind {
             | DepthKind::Disparity
             | DepthKind::Relative
             | DepthKind::DistanceFromNear { .. } => 0.0,
-            DepthKind::ZBuffer { .. } => 1.0,
+            DepthKind::ZBuffer { near, far, first } => (if near > far { first } else { 1.0 }) as f32,
         }
     }
 
@@ -92,6 +105,7 @@ impl DepthKind {
             DepthKind::Z | DepthKind::Distance => "depths greater than 0 (infinity is background)",
             DepthKind::InverseZ => "inverse depths that are finite and not negative",
             DepthKind::Disparity | DepthKind::Relative => "finite disparities",
+            DepthKind::ZBuffer { first: -1.0, .. } => "values from -1 to 1",
             DepthKind::ZBuffer { .. } => "values from 0 to 1",
             DepthKind::DistanceFromNear { .. } => "distances not negative (0 is background)",
         }
@@ -164,6 +178,18 @@ pub fn disparity_plane(
 ) -> Result<Buffer<f32>> {
     let (mut out, bad) = disparities(depth, width, kind, rays)?;
     if bad > 0 {
+        let negative = depth.iter().filter(|v| **v < 0.0).count();
+        let positive = depth.iter().any(|v| *v > 0.0 && v.is_finite());
+        if kind.is_never_negative() && negative > 0 && !positive {
+            let others = match depth.len() - negative {
+                0 => String::new(),
+                n => format!(" but {n} that are 0, infinite or NaN"),
+            };
+            return Err(value_error!(
+                "depth: all {} values{others} are negative, as where the camera looks along -z; negate them",
+                depth.len()
+            ));
+        }
         match invalid {
             Invalid::Raise => {
                 let first = out.iter().position(|d| d.is_nan()).unwrap_or(0);
@@ -226,7 +252,10 @@ mod tests {
             (DepthKind::Distance, z),
             (DepthKind::InverseZ, 1.0 / z),
             (DepthKind::Disparity, 1.0 / z),
-            (DepthKind::ZBuffer { near, far }, z_buffer as f32),
+            (DepthKind::ZBuffer { near, far, first: 0.0 }, z_buffer as f32),
+            (DepthKind::ZBuffer { near, far, first: -1.0 }, (2.0 * z_buffer - 1.0) as f32),
+            (DepthKind::ZBuffer { near: far, far: near, first: 0.0 }, (1.0 - z_buffer) as f32),
+            (DepthKind::ZBuffer { near: f64::INFINITY, far: near, first: 0.0 }, near as f32 / z),
             (DepthKind::DistanceFromNear { near }, z - near as f32),
         ] {
             let d = one(kind, v).unwrap();
@@ -241,7 +270,8 @@ mod tests {
             DepthKind::Distance,
             DepthKind::InverseZ,
             DepthKind::Disparity,
-            DepthKind::ZBuffer { near: 0.5, far: f64::INFINITY },
+            DepthKind::ZBuffer { near: 0.5, far: f64::INFINITY, first: 0.0 },
+            DepthKind::ZBuffer { near: f64::INFINITY, far: 0.5, first: -1.0 },
             DepthKind::DistanceFromNear { near: 0.5 },
         ] {
             assert_eq!(one(kind, kind.background()).unwrap(), 0.0, "{kind:?}");
@@ -265,9 +295,11 @@ mod tests {
     fn infinity_is_background_and_nonsense_is_refused() {
         assert_eq!(one(DepthKind::Z, f32::INFINITY).unwrap(), 0.0);
         assert_eq!(one(DepthKind::DistanceFromNear { near: 0.1 }, 0.0).unwrap(), 0.0);
-        for v in [0.0, -1.0, f32::NAN] {
+        for v in [0.0, f32::NAN] {
             let text = one(DepthKind::Z, v).unwrap_err().to_string();
             assert!(text.contains("1 of 1") && text.contains("row 0, column 0"), "{text}");
         }
+        let text = one(DepthKind::Z, -1.0).unwrap_err().to_string();
+        assert!(text.contains("all 1 values are negative") && text.contains("negate them"), "{text}");
     }
 }

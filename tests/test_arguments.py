@@ -64,6 +64,45 @@ def test_memory_layout_does_not_matter():
         np.testing.assert_array_equal(dofsim.render(c, d, LENS), expected)
 
 
+@pytest.mark.parametrize("dtype", [np.uint16, np.float16, np.float32, np.float64])
+def test_fields_of_packed_records_are_read_in_order(dtype):
+    color, depth = scene(dtype=dtype)
+    depth = depth + np.linspace(0, 1, depth.size, dtype=np.float32).reshape(depth.shape)
+    fields = [("label", "u1"), ("color", dtype, 3), ("z", "f4")]
+    records = np.zeros(depth.shape, fields)
+    records["color"], records["z"] = color, depth
+    options = {"transfer": "linear", "device": "cpu"}
+    expected = dofsim.render(color, depth, LENS, **options)
+    for turned in (slice(None), slice(None, None, -1)):
+        c, z = records["color"][turned], records["z"][turned]
+        np.testing.assert_array_equal(dofsim.render(c[turned], z[turned], LENS, **options), expected)
+        np.testing.assert_array_equal(dofsim.coc(z[turned], LENS), dofsim.coc(depth, LENS))
+    for y, x in ((0, 0), (11, 20), (23, 31)):
+        assert LENS.focused_at(records["z"], x, y) == LENS.focused_at(depth, x, y)
+    planes = np.zeros(depth.shape, [("label", "u1"), ("t", "f8")])
+    planes["t"] = depth
+    assert Aperture(image=planes["t"]) == Aperture(image=depth.astype(np.float64))
+    words = {"method": "sprites", **options}
+    np.testing.assert_array_equal(
+        dofsim.render(color, depth, LENS, sprite=planes["t"], **words),
+        dofsim.render(color, depth, LENS, sprite=planes["t"].copy(), **words),
+    )
+
+
+def test_the_other_byte_order_and_any_address_are_read():
+    color, depth = scene()
+    expected = dofsim.render(color, depth, LENS)
+    np.testing.assert_array_equal(dofsim.render(color.astype(">f4"), depth.astype(">f4"), LENS), expected)
+    buffer = np.zeros(color.nbytes + 3, np.uint8)[3:]
+    unaligned = buffer.view(np.float32).reshape(color.shape)
+    unaligned[...] = color
+    np.testing.assert_array_equal(dofsim.render(unaligned, depth, LENS), expected)
+    with pytest.raises(ValueError, match="out must be C-contiguous and aligned"):
+        dofsim.render(color, depth, LENS, out=unaligned)
+    with pytest.raises(TypeError, match="out must have the dtype of color, float32; got >f4"):
+        dofsim.render(color, depth, LENS, out=color.astype(">f4"))
+
+
 def test_inputs_are_only_read():
     color, depth = scene()
     before = color.copy(), depth.copy()
@@ -131,7 +170,16 @@ WRONG = {
     "metric lens": ({"depth_kind": "disparity"}, "needs a lens made by Lens.from_disparity"),
     "no near": ({"depth_kind": "zbuffer", "far": 9.0}, "near must be given"),
     "no far": ({"depth_kind": "zbuffer", "near": 1.0}, "far must be given"),
-    "far before near": ({"depth_kind": "zbuffer", "near": 2.0, "far": 1.0}, "far must be greater than near"),
+    "one plane": ({"depth_kind": "zbuffer", "near": 2.0, "far": 2.0}, "far must differ from near"),
+    "all negative": ({"depth": -np.ones((24, 32), np.float32)}, "all 768 values are negative.*negate them"),
+    "negative but the sky": (
+        {"depth": np.where(np.arange(768).reshape(24, 32) < 40, np.inf, -2.0)},
+        "all 768 values but 40 that are 0, infinite or NaN are negative.*negate them",
+    ),
+    "all behind": (
+        {"depth": -np.ones((24, 32), np.float32), "invalid": "far"},
+        "all 768 values are negative.*negate them",
+    ),
     "no near plane": ({"depth_kind": "distance_from_near"}, "near must be given"),
     "near for z": ({"near": 1.0}, "near and far are for"),
     "supersample": ({"supersample": 5}, "supersample=5 must divide"),
@@ -167,6 +215,93 @@ def test_what_is_of_the_wrong_type_is_named(changes, text):
         call(**changes)
 
 
+HUGE = [-1, 2**63, -(2**63) - 1, 10**400]
+
+
+@pytest.mark.parametrize("value", HUGE)
+@pytest.mark.parametrize("name", ["threads", "overscan", "supersample", "views", "taps"])
+def test_whole_numbers_of_any_size_are_named(name, value):
+    words = {"method": "poisson"} if name == "taps" else {}
+    with pytest.raises(ValueError, match=rf"^{name} must be a whole number.*; got {str(value)[:60]}"):
+        call(**{name: value}, **words)
+    with pytest.raises(TypeError, match=f"^{name} must be a whole number"):
+        call(**{name: "many"}, **words)
+
+
+@pytest.mark.parametrize("value", [10**400, -(10**400)])
+@pytest.mark.parametrize(
+    ("make", "name"),
+    [
+        (lambda v: LENS.replace(aperture_radius=v), "aperture_radius"),
+        (lambda v: LENS.replace(focus_distance=v), "focus_distance"),
+        (lambda v: LENS.replace(fov=v), "fov"),
+        (lambda v: LENS.replace(tilt=(v, 0.0)), "tilt"),
+        (lambda v: LENS.replace(cat_eye=v), "cat_eye"),
+        (lambda v: LENS.replace(lateral_color=(0.0, 0.0, v)), "lateral_color"),
+        (lambda v: RELATIVE.replace(focus=v), "focus"),
+        (lambda v: Aperture(rotation=v), "rotation"),
+        (lambda v: Aperture(ratio=v), "ratio"),
+        (lambda v: Lens.from_camera(focal_length_mm=v, f_number=2, focus_distance=3), "focal_length_mm"),
+        (lambda v: Lens.from_colmap(fx=v, width=9, aperture_radius=0.1, focus_distance=1), "fx"),
+        (lambda v: call(depth_kind="zbuffer", near=v, far=9.0), "near"),
+        (lambda v: call(method="hexagonal", max_coc_px=v), "max_coc_px"),
+        (lambda v: LENS.coc_diameter_mm(v), "z"),
+    ],
+)
+def test_numbers_that_are_no_double_are_named(make, name, value):
+    with pytest.raises(ValueError, match=f"^{name} must"):
+        make(value)
+
+
+@pytest.mark.parametrize("value", [[1, 2], (1, 2, 3), 7, "ab", (1, "b")])
+def test_pairs_are_named(value):
+    with pytest.raises((TypeError, ValueError), match=r"^tilt must be a tuple of two numbers; got"):
+        LENS.replace(tilt=value)
+    with pytest.raises((TypeError, ValueError), match=r"^axial_color must be a tuple of three numbers; got"):
+        LENS.replace(axial_color=[0, 0, 0])
+
+
+@pytest.mark.parametrize("value", [2**63, 10**400, 2**62, -(2**70)])
+def test_pixels_of_any_size_are_named(value):
+    _, depth = scene()
+    with pytest.raises((ValueError, IndexError), match=r"^x must"):
+        LENS.focused_at(depth, value, 0)
+    if value != 2**62:
+        with pytest.raises(ValueError, match=r"^radius_px must be a whole number from 0"):
+            LENS.focused_at(depth, 3, 3, radius_px=value)
+    assert LENS.focused_at(depth, 3, 3, radius_px=2**63 - 1) == LENS.focused_at(depth, 3, 3, radius_px=99)
+
+
+@pytest.mark.parametrize(
+    ("make", "name"),
+    [
+        (lambda v: LENS.replace(tilt=(v, 0.1)), "tilt"),
+        (lambda v: LENS.replace(field_curvature=v), "field_curvature"),
+        (lambda v: LENS.replace(principal_point=(v, v)), "principal_point"),
+        (lambda v: RELATIVE.replace(focus=v), "focus"),
+        (lambda v: Aperture(rotation=v, blades=5), "rotation"),
+        (lambda v: Aperture(image=np.array([[1.0, v]])), "image"),
+    ],
+)
+def test_a_negative_zero_is_a_zero(make, name):
+    assert make(0.0) == make(-0.0)
+    assert hash(make(0.0)) == hash(make(-0.0))
+
+
+@pytest.mark.parametrize("radius", [0.0, 1e-300, 0.05, 1e300])
+@pytest.mark.parametrize("distance", [1e-300, 1e-3, 2.0, 1e300, math.inf])
+@pytest.mark.parametrize("fov", [1e-300, 40.0, 179.9999999999])
+def test_a_notebook_can_show_every_lens(radius, distance, fov):
+    lens = Lens(aperture_radius=radius, focus_distance=distance, fov=fov)
+    assert repr(lens).replace("'", "&#x27;") in lens._repr_html_()
+
+
+@pytest.mark.parametrize("values", [[[1e-300]], [[1e300, 1e-300]], [[0.0, 1e-30]]])
+def test_a_notebook_can_show_every_opening(values):
+    aperture = Aperture(image=np.array(values))
+    assert aperture._repr_html_().startswith("<div><code>Aperture(")
+
+
 def test_a_device_that_is_not_there_is_its_own_error():
     with pytest.raises(dofsim.DeviceError, match="gpu:99"):
         call(device="gpu:99")
@@ -186,13 +321,18 @@ def test_every_kind_of_depth_gives_the_same_picture():
     ray = np.sqrt(1.0 + (x / focal_px) ** 2 + (y / focal_px) ** 2)
     near, far = 0.5, 100.0
     expected = call()
-    kinds = {
-        "distance": (z * ray, {}),
-        "inverse_z": (1.0 / z, {}),
-        "zbuffer": ((1.0 / near - 1.0 / z) / (1.0 / near - 1.0 / far), {"near": near, "far": far}),
-        "distance_from_near": ((z - near) * ray, {"near": near}),
-    }
-    for kind, (depth, planes) in kinds.items():
+    t = (1.0 / near - 1.0 / z) / (1.0 / near - 1.0 / far)
+    kinds = [
+        ("distance", z * ray, {}),
+        ("inverse_z", 1.0 / z, {}),
+        ("zbuffer", t, {"near": near, "far": far}),
+        ("zbuffer", 1.0 - near / z, {"near": near, "far": math.inf}),
+        ("zbuffer", 1.0 - t, {"near": far, "far": near}),
+        ("zbuffer", near / z, {"near": math.inf, "far": near}),
+        ("opengl_ndc", 2.0 * t - 1.0, {"near": near, "far": far}),
+        ("distance_from_near", (z - near) * ray, {"near": near}),
+    ]
+    for kind, depth, planes in kinds:
         # Depth is rounded to float32 in another form: 1e-7 of a disparity, times a blur of a few pixels.
         out = call(depth=depth, depth_kind=kind, **planes)
         np.testing.assert_allclose(out, expected, atol=1e-4, err_msg=kind)

@@ -419,6 +419,32 @@ def test_two_frames_of_one_output_are_refused(data):
         list(map_frames([first, replace(second, output=first.output)]))
 
 
+def test_one_output_is_one_however_it_is_spelt(data):
+    first, second = frames()[:2]
+    for spelling in ("out/../out/0000.exr", Path("out/0000.exr").absolute()):
+        with pytest.raises(ValueError, match=r"0000\.exr: an earlier frame"):
+            list(map_frames([first, replace(second, output=spelling)]))
+    assert not Path("out").exists()
+
+
+@pytest.mark.parametrize("order", [1, -1])
+@pytest.mark.parametrize("kind", [list, iter])
+def test_no_frame_overwrites_what_another_reads(data, order, kind):
+    first, second = frames()[:2]
+    before = second.color.read_bytes()
+    pair = [replace(first, output="rgb/../rgb/0001.exr"), second][::order]
+    with pytest.raises(ValueError, match=r"rgb.0001\.exr: is one of the inputs"):
+        list(map_frames(kind(pair)))
+    assert second.color.read_bytes() == before
+
+
+def test_the_last_of_many_frames_is_looked_at_before_the_first_is_written(data):
+    first, *others, last = frames()
+    with pytest.raises(ValueError, match="is one of the inputs"):
+        list(map_frames([replace(first, output=last.color), *others, last]))
+    assert not Path("out").exists()
+
+
 def test_inputs_are_not_overwritten(data):
     frame = replace(frames()[0], output="rgb/0000.exr")
     before = frame.color.read_bytes()

@@ -347,13 +347,116 @@ def test_ctrl_c_ends_cleanly_and_the_next_run_resumes(data, capsys, workers):
     assert f"{47 - done} written, {done} there already, 3 failed" in capsys.readouterr().out
 
 
-def test_a_worker_that_was_killed_is_told_of(few, capsys, monkeypatch):
-    def map_frames(*_, executor, **__):
-        yield executor.submit(os._exit, 1).result()
+# A frame whose picture is to end whoever reads it, as one does that takes more memory than there is.
+DEADLY = """
+import os
+from dofsim import io
+from dofsim.cli import main
 
-    monkeypatch.setattr("dofsim.batch.map_frames", map_frames)
-    assert batch("rgb", "depth", "-o", "out", *LENS_OPTIONS, "--workers", "2") == 1
-    assert capsys.readouterr().err.startswith("dofsim: a worker was killed")
+def read_rgbd(color, *arguments, **words):
+    if color.name == "0001.exr":
+        os._exit(1)
+    return read(color, *arguments, **words)
+
+read, io.read_rgbd = io.read_rgbd, read_rgbd
+if __name__ == "__main__":
+    main()
+"""
+
+
+def run_deadly(*arguments):
+    Path("deadly.py").write_text(DEADLY)
+    command = [sys.executable, "deadly.py", "batch", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=HANG_S)
+
+
+def test_a_frame_that_kills_its_worker_is_one_failure(few):
+    arguments = ["rgb", "depth", *LENS_OPTIONS, "-o", "out", "--workers", "2"]
+    for skipped in (0, 3):
+        result = run_deadly(*arguments)
+        assert result.returncode == 1
+        assert f"{3 - skipped} written, {skipped} there already, 1 failed" in result.stdout
+        (failure,) = map(json.loads, Path("out/failures.jsonl").read_text().splitlines())
+        assert failure["color"] == str(Path("rgb/0001.exr"))
+        assert failure["error"].startswith("the process that computed it was killed")
+    assert batch(*arguments) == 0
+
+
+def test_a_frame_that_kills_the_run_is_computed_apart_the_next_time(few):
+    arguments = ["rgb", "depth", *LENS_OPTIONS, "-o", "out"]
+    assert run_deadly(*arguments).returncode == 1
+    assert not Path("out/failures.jsonl").exists()
+    result = run_deadly(*arguments)
+    assert ", 1 failed" in result.stdout
+    assert len(list(Path("out").glob("*.exr"))) == 3
+    assert not list(Path("out").glob(".*"))
+
+
+def test_one_run_at_a_time_writes_into_a_folder(data, capsys):
+    arguments = ["rgb", "depth", *LENS_OPTIONS, "-o", "out", "--set", "views=2048"]
+    child = start(*arguments)
+    wait_for(lambda: records() >= 2)
+    assert batch(*arguments) == 2
+    message = f"out: another dofsim batch is writing there (process {child.pid})"
+    assert message in capsys.readouterr().err
+    assert child.poll() is None
+    child.terminate()
+    child.communicate(timeout=HANG_S)
+
+
+def test_what_a_living_process_writes_is_not_removed(few):
+    Path("out").mkdir()
+    mine = Path(f"out/.0001.exr.{os.getpid()}-4.part")
+    mine.touch()
+    assert batch("rgb", "depth", *LENS_OPTIONS, "-o", "out") == 0
+    assert mine.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "fails"),
+    [
+        (["rgb", "depth", "-o", "rgb", "--format", "png"], True),
+        (["rgb", "depth", "-o", "./rgb/../rgb", "--format", "png"], True),
+        (["rgb/*.exr", "depth", "-o", "rgb", "--format", "png"], False),
+        (["rgb/*", "depth", "-o", "rgb", "--format", "png"], True),
+        (["rgb", "depth", "-o", "depth", "--format", "png"], True),
+        (["rgb", "depth", "-o", ".", "--format", "png"], False),
+        (["rgb", "depth", "-o", "rgb/out"], False),
+    ],
+)
+def test_results_beside_their_inputs_are_resumed_or_refused(few, capsys, arguments, fails):
+    before = {path: path.read_bytes() for path in Path().rglob("*.*") if path.is_file()}
+    assert batch(*arguments, *LENS_OPTIONS) == (2 if fails else 0)
+    if fails:
+        assert "name another folder, such as -o" in capsys.readouterr().err
+        assert before == {path: path.read_bytes() for path in Path().rglob("*.*") if path.is_file()}
+    else:
+        capsys.readouterr()
+        assert batch(*arguments, *LENS_OPTIONS) == 0
+        assert "0 written, 4 there already" in capsys.readouterr().out
+
+
+def test_one_bad_pixel_does_not_cost_a_frame(few, capsys):
+    rgbd = io.read_color("rgb/0001.exr").pixels
+    rgbd[5, 6, 1] = np.nan
+    io.write_image("rgb/0001.exr", rgbd)
+    arguments = ["rgb", "depth", "-o", "out", *LENS_OPTIONS]
+    assert batch(*arguments) == 1
+    assert "1 values in channel 1 that are not finite (--invalid-color neighbours)" in capsys.readouterr().err
+    assert batch(*arguments, "--invalid-color", "neighbours") == 0
+    assert batch(*arguments, "--invalid-color", "black") == 2
+    assert "--invalid-color takes keep, neighbours; got 'black'" in capsys.readouterr().err
+
+
+def test_the_picture_of_an_opening_is_not_overwritten(few, capsys):
+    Path("out").mkdir()
+    io.write_image("out/0001.png", np.ones((9, 9)))
+    before = Path("out/0001.png").read_bytes()
+    Path("lens.toml").write_text('[aperture]\nimage = "out/0001.png"\n')
+    arguments = ["rgb", "depth", "-o", "out", "--format", "png", "--lens", "lens.toml"]
+    assert batch(*arguments, *LENS_OPTIONS) == 2
+    assert "0001.png: is one of the inputs" in capsys.readouterr().err
+    assert Path("out/0001.png").read_bytes() == before
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals are sent the POSIX way")

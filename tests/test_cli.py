@@ -88,6 +88,37 @@ def test_render_writes_what_the_function_gives(scene, capsys):
     assert np.abs(expected - color).max() > 0.1
 
 
+def test_depth_along_the_other_direction_is_negated(scene):
+    color, depth = scene
+    io.write_image("negative.exr", color, depth=-depth)
+    for name, extra in (("a.exr", []), ("negative.exr", ["--depth-scale", "-1"])):
+        assert run(["render", name, "-o", f"o-{name}", *LENS_OPTIONS, *extra]) == 0
+    np.testing.assert_array_equal(io.read_color("o-a.exr").pixels, io.read_color("o-negative.exr").pixels)
+
+
+def test_z_buffers_of_any_direction(scene):
+    color, depth = scene
+    near, far = 0.5, 50.0
+    t = (1 / near - 1 / depth) / (1 / near - 1 / far)
+    t[~np.isfinite(depth)] = 1.0
+    cases = [
+        ("zbuffer", t, near, far),
+        ("zbuffer", 1 - t, far, near),
+        ("opengl_ndc", 2 * t - 1, near, far),
+        ("zbuffer", near / depth, "inf", near),
+    ]
+    results = []
+    for kind, values, first, last in cases:
+        io.write_image("z.exr", color, depth=values)
+        words = ["--depth-kind", kind, "--near", str(first), "--far", str(last)]
+        assert run(["render", "z.exr", "-o", "o.exr", *LENS_OPTIONS, *words]) == 0
+        results.append(io.read_color("o.exr").pixels)
+    for result in results[1:3]:
+        np.testing.assert_allclose(result, results[0], atol=2e-3)
+    # Here the background is infinitely far, and there at the far plane.
+    np.testing.assert_allclose(results[3][8:], results[0][8:], atol=0.1)
+
+
 def test_render_of_integers_in_two_files(scene):
     _, depth = scene
     assert run(["render", "a.png", "z.pfm", "-o", "o.png", *LENS_OPTIONS]) == 0
@@ -203,8 +234,16 @@ def test_ambiguous_files_list_their_channels(scene, capsys):
         (["a.exr", "no.pfm", "-o", "o.exr"], 2, "no.pfm: No such file"),
         (["a.exr", "-o", "o.exr", "--transfer", "rec709"], 2, "--transfer takes linear, srgb"),
         (["a.exr", "-o", "o.exr", "--dtype", "double"], 2, "--dtype takes half, float"),
-        (["a.exr", "-o", "o.exr", "--depth-kind", "meters"], 2, "depth_kind must be one of"),
-        (["a.exr", "-o", "o.exr", "--blades", "2"], 2, "blades"),
+        (["a.exr", "-o", "o.exr", "--depth-kind", "meters"], 2, "--depth-kind must be one of"),
+        (["a.exr", "-o", "o.exr", "--blades", "2"], 2, "--blades must be 0"),
+        (["a.exr", "-o", "o.exr", "--threads", "-1"], 2, "--threads must be a whole number"),
+        (["a.exr", "-o", "o.exr", "--overscan", str(2**63)], 2, "--overscan must be a whole number"),
+        (["a.exr", "-o", "o.exr", "--supersample", str(10**400)], 2, "--supersample must be a whole"),
+        (["a.exr", "-o", "o.exr", "--depth-scale", "0"], 2, "--depth-scale must be finite and not 0"),
+        (["a.exr", "-o", "o.exr", "--depth-scale", "-1"], 2, "negate them (--depth-scale -1)"),
+        (["a.exr", "-o", "o.exr", "--lens", "deep.toml"], 2, "deep.toml: not a TOML file: it is nested too"),
+        (["a.exr", "-o", "o.exr", "--set", f"views={'[' * 9999}"], 2, "views must be a whole number"),
+        (["a.exr", "-o", "iris.png", "--lens", "iris.toml"], 2, "iris.png: is one of the inputs"),
         (["a.exr", "-o", "o.exr", "--supersample", "7"], 2, "supersample"),
         (["a.exr", "-o", "o.exr", "--method", "fast"], 2, 'method must be one of "lens"'),
         (["a.exr", "-o", "o.exr", "--set", "variant=six"], 2, "variant is not an option of method"),
@@ -221,6 +260,9 @@ def test_ambiguous_files_list_their_channels(scene, capsys):
     ],
 )
 def test_what_render_refuses(scene, tmp_path, capsys, arguments, status, message):
+    (tmp_path / "deep.toml").write_text("a = " + "[" * 100_000)
+    (tmp_path / "iris.toml").write_text('[aperture]\nimage = "iris.png"\n')
+    io.write_image("iris.png", np.ones((5, 5)))
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     assert message in fails(capsys, status, "render", *arguments, *LENS_OPTIONS)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
@@ -411,6 +453,22 @@ def test_compare_draws_the_difference(scene):
     difference = panel[top : top + 4 * HEIGHT, 14 : 14 + 4 * WIDTH]
     assert (difference[:60] == 0).all()
     assert difference[100:110, 100:110].sum() > 0
+
+
+def test_compare_of_names_with_dollars(scene):
+    color, _ = scene
+    for name in ("a$b.exr", "$x^$.exr", "\\frac$.exr"):
+        io.write_image(name, color)
+        assert run(["compare", "a.exr", name, "-o", "d.png"]) == 0
+
+
+def test_names_that_a_terminal_would_obey_are_escaped(scene, capsys):
+    name = "\x1b[2J\n.exr"
+    assert fails(capsys, 2, "render", name, "-o", "o.exr", *LENS_OPTIONS).startswith(
+        "dofsim: \\x1b[2J\\n.exr: "
+    )
+    io.write_exr(name, {"R": np.ones((4, 5))})
+    assert "\\x1b[2J\\n.exr" in fails(capsys, 2, "render", name, "-o", "o.exr", *LENS_OPTIONS)
 
 
 def test_compare_refuses(scene, capsys):

@@ -2,6 +2,8 @@
 
 import contextlib
 import io as bytes_io
+import os
+import re
 import resource
 import struct
 import subprocess
@@ -13,6 +15,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import OpenEXR
+import PIL.Image
 import pytest
 import tifffile
 from dofsim import io
@@ -231,6 +234,218 @@ def test_files_with_wrong_bytes_are_read_or_refused(tmp_path):
                 unnamed += str(path) not in str(error)
     assert unnamed == 0
     assert refused > 500
+
+
+def jpeg(**words):
+    y, x = np.mgrid[:90, :120]
+    pixels = np.stack([2 * x, 2 * y, (x + y) % 256], -1).astype(np.uint8)
+    buffer = bytes_io.BytesIO()
+    PIL.Image.fromarray(pixels).convert(words.pop("mode", "RGB")).save(buffer, "jpeg", **words)
+    return buffer.getvalue()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        {},
+        {"progressive": True},
+        {"subsampling": 0},
+        {"mode": "L"},
+        {"mode": "CMYK"},
+        {"quality": 100, "restart_marker_blocks": 3},
+        {"restart_marker_rows": 1, "progressive": True},
+    ],
+)
+def test_a_jpeg_that_is_not_whole_is_no_picture(tmp_path, words):
+    path = tmp_path / "a.jpg"
+    whole = jpeg(**words)
+    # What follows the picture is not part of it.
+    for end in (b"", b"more"):
+        path.write_bytes(whole + end)
+        with PIL.Image.open(path) as image:
+            expected = np.asarray(image.convert("L" if image.mode == "L" else "RGB"))
+        # Decoders round, and filter colours that are stored at half the size, in ways of their own.
+        assert np.abs(io.read_color(path).pixels.astype(int) - expected).mean() < 2
+    for length in np.linspace(2, len(whole) - 1, 60).astype(int):
+        path.write_bytes(whole[:length])
+        with pytest.raises(ValueError, match=r"a\.jpg: (damaged file|found an unknown)"):
+            io.read_color(path)
+
+
+def test_a_progressive_jpeg_with_wrong_bytes_is_refused_where_its_codes_make_no_sense(tmp_path):
+    whole, refused = jpeg(progressive=True, quality=95), 0
+    for place in np.linspace(len(whole) // 4, len(whole) - 3, 60).astype(int):
+        data = bytearray(whole)
+        data[place] ^= 0x55
+        (tmp_path / "a.jpg").write_bytes(data)
+        try:
+            io.read_color(tmp_path / "a.jpg")
+        except ValueError:
+            refused += 1
+    assert refused > 10
+
+
+def test_pfm_that_was_sent_as_text_is_damaged(tmp_path):
+    path = tmp_path / "a.pfm"
+    path.write_bytes(b"Pf\r\n2 2\r\n-1.0\r\n" + bytes(16))
+    with pytest.raises(ValueError, match=r"a\.pfm: damaged file: its lines end in CR LF"):
+        io.read_depth(path)
+
+
+def bomb_npz(path, size, compression):
+    with zipfile.ZipFile(path, "w", compression) as archive, archive.open("depth.npy", "w") as file:
+        header = {"descr": "<f4", "fortran_order": False, "shape": (size // 4096, 1024)}
+        np.lib.format.write_array_header_1_0(file, header)
+        for _ in range(size >> 20):
+            file.write(bytes(1 << 20))
+
+
+def bomb_png(path, size):
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    profile = zlib.compressobj()
+    packed = b"".join(profile.compress(bytes(1 << 20)) for _ in range(size >> 20)) + profile.flush()
+    path.write_bytes(
+        b"\x89PNG\r\n\x1a\n"
+        + chunk(b"IHDR", struct.pack(">IIBBBBB", 1, 1, 8, 0, 0, 0, 0))
+        + chunk(b"iCCP", b"p\0\0" + packed)
+        + chunk(b"IDAT", zlib.compress(b"\0\7"))
+        + chunk(b"IEND", b"")
+    )
+
+
+def bomb_chunk(path, side):
+    with h5py.File(path, "w") as file:
+        words = {"maxshape": (None, None), "chunks": (side, side), "compression": "gzip"}
+        file.create_dataset("depth", data=np.ones((1, 1), "f4"), **words)
+
+
+def bomb_inflating_chunk(path, size):
+    with h5py.File(path, "w") as file:
+        dataset = file.create_dataset("depth", (64, 64), "f4", chunks=(64, 64), compression="gzip")
+        dataset.id.write_direct_chunk((0, 0), zlib.compress(bytes(size)))
+
+
+BOMBS = {
+    "lzma.npz": (lambda path: bomb_npz(path, 192 << 20, zipfile.ZIP_LZMA), "neither stored nor deflated"),
+    "bzip2.npz": (lambda path: bomb_npz(path, 192 << 20, zipfile.ZIP_BZIP2), "neither stored nor deflated"),
+    "profile.png": (lambda path: bomb_png(path, 192 << 20), None),
+    "chunk.h5": (lambda path: bomb_chunk(path, 1 << 14), "a chunk claims 1073741824 bytes"),
+    "inflating.h5": (lambda path: bomb_inflating_chunk(path, 192 << 20), "a chunk inflates to more"),
+    "literal.npy": (
+        lambda path: path.write_bytes(
+            b"\x93NUMPY\x01\0" + struct.pack("<H", 9000) + (b"-" * 8990).ljust(9000)
+        ),
+        "nested too deeply|recursion",
+    ),
+    "header.npy": (
+        lambda path: path.write_bytes(b"\x93NUMPY\x02\0" + struct.pack("<I", 2**32 - 1) + b"{" * 300),
+        "claims to be 4294967295 bytes long",
+    ),
+}
+
+COST = """
+import re, sys
+from pathlib import Path
+from dofsim import io
+
+def most():
+    # Not that of getrusage, which a process has from the one that started it.
+    return int(re.search(r"VmHWM:\\s+(\\d+)", Path("/proc/self/status").read_text())[1])
+
+before = most()
+try:
+    io.read_depth(sys.argv[1])
+except ValueError as error:
+    print(error, file=sys.stderr)
+print(most() - before)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is measured the Linux way")
+@pytest.mark.parametrize("name", list(BOMBS))
+def test_a_short_file_that_inflates_without_end_is_cheap(tmp_path, name):
+    make, message = BOMBS[name]
+    path = tmp_path / name
+    make(path)
+    assert path.stat().st_size < 3 << 20
+    run = subprocess.run(
+        [sys.executable, "-c", COST, str(path)], capture_output=True, text=True, check=True, timeout=HANG_S
+    )
+    # In KiB: a profile of colours may have 64 MiB.
+    assert int(run.stdout) < 120 << 10
+    if message is not None:
+        assert re.search(rf"{name}: damaged file: .*({message})", run.stderr), run.stderr
+
+
+def test_npz_that_claims_more_than_it_can_inflate_to(tmp_path):
+    path = tmp_path / "a.npz"
+    array = bytes_io.BytesIO()
+    header = {"descr": "<f4", "fortran_order": False, "shape": (1 << 15, 1 << 14)}
+    np.lib.format.write_array_header_1_0(array, header)
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("depth.npy", array.getvalue() + bytes(4096))
+        # What the directory says, which is written at the end.
+        archive.infolist()[0].file_size = 1 << 31
+    with pytest.raises(ValueError, match=r"a\.npz: damaged file: its header claims 2147483648 bytes"):
+        io.read_depth(path)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes have names on POSIX")
+@pytest.mark.parametrize("link", [False, True])
+def test_a_pipe_is_refused_before_it_is_opened(tmp_path, monkeypatch, link):
+    """Nobody ever writes into it, so whoever opens it waits for ever."""
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo("pipe.fifo")
+    names = [
+        f"pipe{suffix}" for suffix in (".exr", ".npz", ".h5", ".toml", ".jsonl", ".csv", ".xml", ".json")
+    ]
+    for name in names:
+        if link:
+            Path(name).symlink_to("pipe.fifo")
+        else:
+            os.mkfifo(name)
+    io.write_image("a.exr", np.ones((4, 5)), depth=np.ones((4, 5)))
+    lens = "lens={'aperture_radius': 0.1, 'focus_distance': 1.0, 'fov': 40.0}"
+    calls = [
+        "io.read_color('pipe.exr')",
+        "io.read_depth('pipe.exr')",
+        "io.read_rgbd('pipe.exr')",
+        "io.read_rgbd('a.exr', 'pipe.npz')",
+        "io.list_channels('pipe.npz')",
+        "io.read_exr('pipe.exr')",
+        "io.read_depth('pipe.h5')",
+        "io.write_image('pipe.exr', np.ones((2, 2)))",
+        "dofsim.Lens.from_mitsuba('pipe.xml')",
+        "dofsim.Lens.from_blender('pipe.json')",
+        "dofsim.Aperture.from_blender('pipe.json')",
+        "dofsim.Aperture(image='pipe.exr')",
+        "read_manifest('pipe.jsonl')",
+        "read_manifest('pipe.csv')",
+        "read_settings(Path('pipe.toml'), {}, {})",
+        f"fail(next(map_frames([Frame(color='pipe.exr', output='o.exr', {lens})])))",
+    ]
+    script = f"""
+import dofsim
+import numpy as np
+from pathlib import Path
+from dofsim import io
+from dofsim._options import read_settings
+from dofsim.batch import Frame, map_frames, read_manifest
+
+def fail(result):
+    raise ValueError(result.error)
+
+for call in {calls!r}:
+    try:
+        eval(call)
+    except ValueError as error:
+        assert "a pipe or a device" in str(error), (call, error)
+    else:
+        raise AssertionError(call)
+"""
+    subprocess.run([sys.executable, "-c", script], check=True, timeout=HANG_S)
 
 
 @pytest.mark.parametrize("size", [(0, 9), (9, 0)])

@@ -2,6 +2,7 @@
 
 import resource
 import struct
+import tracemalloc
 
 import dofsim
 import numpy as np
@@ -181,6 +182,31 @@ def test_peeled_layers_come_back_as_they_were(tmp_path):
     np.testing.assert_array_equal(rgbd.depth, depth)
     lens = dofsim.Lens(aperture_radius=0.1, focus_distance=2.0, fov=40.0)
     assert dofsim.render(*rgbd, lens, alpha=rgbd.alpha).shape == (24, 32, 4)
+
+
+def test_memory_grows_with_the_samples_and_not_with_the_most_of_a_pixel(noise):
+    shape = (300, 400)
+    rng = np.random.default_rng(5)
+    counts = np.ones(shape, int)
+    counts[7, 9], counts[100:103] = 5000, 40
+    channels = {name: np.empty(shape, object) for name in CHANNELS}
+    for place in np.ndindex(shape):
+        for name in CHANNELS:
+            channels[name][place] = rng.random(counts[place], np.float32)
+    tracemalloc.start()
+    color, depth = flatten(channels, 4)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert color.shape == (4, *shape, 4)
+    # Padded to 5000 samples a pixel it would be 12 GB.
+    assert peak < 300 << 20
+    for place in [(7, 9), (0, 0), (101, 50)]:
+        alone, far = flatten(
+            {name: channels[name][place[0] : place[0] + 1, place[1] : place[1] + 1] for name in CHANNELS}, 4
+        )
+        count = len(alone)
+        np.testing.assert_array_equal(color[:count, place[0], place[1]], alone[:, 0, 0])
+        np.testing.assert_array_equal(depth[:count, place[0], place[1]], far[:, 0, 0])
 
 
 @pytest.mark.parametrize("keep", [3, 7, 200, 900])

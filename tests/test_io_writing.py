@@ -8,7 +8,33 @@ import numpy as np
 import pytest
 from dofsim import io
 
+# Names
+
+
+@pytest.mark.parametrize("letter", ["a", "\N{GREEK SMALL LETTER ALPHA}"])
+def test_a_name_may_be_as_long_as_the_file_system_has_it(tmp_path, letter):
+    name = letter * (248 // len(letter.encode())) + ".exr"
+    assert len(name.encode()) == 252
+    io.write_image(tmp_path / name, np.ones((2, 3)))
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    assert io.read_color(tmp_path / name).pixels.shape == (2, 3)
+
+
 # Light and alpha
+
+
+def test_fields_of_packed_records_are_written_in_order(tmp_path):
+    values = np.arange(12, dtype=np.float32).reshape(3, 4)
+    records = np.zeros(values.shape, [("label", "u1"), ("z", "f4")])
+    records["z"] = values
+    unaligned = np.frombuffer(b"." + values.tobytes(), np.uint8)[1:].view(np.float32).reshape(3, 4)
+    for given in (records["z"], unaligned, values.astype(">f4")):
+        for suffix in ("exr", "pfm", "tif", "npy"):
+            path = tmp_path / f"a.{suffix}"
+            io.write_depth(path, given)
+            np.testing.assert_array_equal(io.read_depth(path), values)
+            io.write_image(path, given)
+            np.testing.assert_array_equal(io.read_color(path).pixels, values)
 
 
 def test_linear_floats_become_srgb_integers_and_back(tmp_path):

@@ -6,7 +6,6 @@ import errno
 import io
 import lzma
 import math
-import os
 import struct
 import zipfile
 import zlib
@@ -20,19 +19,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _dofsim
+from ._files import StrPath, open_regular
+from ._names import listed
 
-StrPath = str | os.PathLike[str]
+# The most that deflate makes of one byte.
+_DEFLATED = 1032
+# Bytes that are inflated at a time.
+_AT_ONCE = 1 << 20
+# NumPy itself parses no longer headers.
+_LONGEST_HEADER = 10_000
 
 
 def read_npy(path: StrPath) -> NDArray[Any]:
     """Read the array of an NPY file."""
-    with Path(path).open("rb") as file, _damage(path):
+    with open_regular(path) as file, _damage(path):
         return _read_member(file, Path(path).stat().st_size)
 
 
 def npz_names(path: StrPath) -> list[str]:
     """List the names of the arrays in an NPZ file."""
-    with _damage(path), zipfile.ZipFile(path) as archive:
+    with open_regular(path) as file, _damage(path), zipfile.ZipFile(file) as archive:
         return [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
 
 
@@ -43,13 +49,18 @@ def read_npz(path: StrPath, name: str | None, expected: Sequence[str]) -> NDArra
         known = [one for one in expected if one in names]
         if not known and len(names) != 1:
             raise ValueError(
-                f"{path}: none of its arrays is called {' or '.join(expected)}; arrays: {', '.join(names)}"
+                f"{path}: none of its arrays is called {' or '.join(expected)}; arrays: {listed(names)}"
             )
         name = known[0] if known else names[0]
     if name not in names:
-        raise ValueError(f"{path}: there is no array {name!r}; arrays: {', '.join(names)}")
-    with _damage(path), zipfile.ZipFile(path) as archive, archive.open(f"{name}.npy") as file:
-        return _read_member(file, archive.getinfo(f"{name}.npy").file_size)
+        raise ValueError(f"{path}: there is no array {name!r}; arrays: {listed(names)}")
+    with open_regular(path) as whole, _damage(path), zipfile.ZipFile(whole) as archive:
+        member = archive.getinfo(f"{name}.npy")
+        if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            raise ValueError(f"its array {name!r} is neither stored nor deflated")
+        most = _DEFLATED * min(member.compress_size, Path(path).stat().st_size)
+        with archive.open(member) as file:
+            return _read_member(file, min(member.file_size, most))
 
 
 def write_npy(path: StrPath, array: NDArray[Any]) -> None:
@@ -104,14 +115,7 @@ def _damage(path: StrPath) -> Iterator[None]:
 def _read_member(file: Any, size: int) -> NDArray[Any]:
     """Read an array whose header is believed only as far as ``size`` bytes go."""
     stream: BinaryIO = file
-    version = np.lib.format.read_magic(stream)
-    read_header = {
-        (1, 0): np.lib.format.read_array_header_1_0,
-        (2, 0): np.lib.format.read_array_header_2_0,
-    }.get(version)
-    if read_header is None:
-        raise ValueError(f"version {version} of NPY is not 1.0 or 2.0")
-    shape, fortran_order, dtype = read_header(stream)
+    shape, fortran_order, dtype = _read_header(stream)
     if dtype.hasobject:
         raise ValueError("it holds Python objects, which are never loaded")
     if any(axis < 0 for axis in shape):
@@ -119,8 +123,32 @@ def _read_member(file: Any, size: int) -> NDArray[Any]:
     count = math.prod(shape)
     if count * dtype.itemsize > size:
         raise ValueError(f"its header claims {count * dtype.itemsize} bytes, which {size} bytes cannot hold")
-    data = stream.read(count * dtype.itemsize)
-    if len(data) < count * dtype.itemsize:
-        raise ValueError("it ends too early")
-    array: NDArray[Any] = np.frombuffer(data, dtype).reshape(shape, order="F" if fortran_order else "C")
-    return array.astype(dtype.newbyteorder("="))
+    array: NDArray[Any] = np.empty(count, dtype)
+    rest = array.view(np.uint8).data
+    while rest:
+        if not (got := file.readinto(rest[:_AT_ONCE])):
+            raise ValueError("it ends too early")
+        rest = rest[got:]
+    array = array.reshape(shape, order="F" if fortran_order else "C")
+    return array.astype(dtype.newbyteorder("="), copy=False)
+
+
+def _read_header(stream: BinaryIO) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Read the shape, the order and the type of an array, from no more bytes than NumPy writes."""
+    version = np.lib.format.read_magic(stream)
+    if version not in ((1, 0), (2, 0)):
+        raise ValueError(f"version {version} of NPY is not 1.0 or 2.0")
+    size_bytes = stream.read(2 if version == (1, 0) else 4)
+    size = int.from_bytes(size_bytes, "little")
+    if size > _LONGEST_HEADER:
+        raise ValueError(f"its header claims to be {size} bytes long")
+    header = io.BytesIO(size_bytes + stream.read(size))
+    read = {
+        (1, 0): np.lib.format.read_array_header_1_0,
+        (2, 0): np.lib.format.read_array_header_2_0,
+    }[version]
+    try:
+        return read(header)
+    except (MemoryError, RecursionError) as error:
+        # So Python's parser refuses brackets within brackets.
+        raise ValueError("its header is nested too deeply") from error

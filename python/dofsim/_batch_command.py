@@ -17,6 +17,7 @@ import typer
 
 from . import _command_options as options
 from . import _options
+from ._names import printable
 
 if TYPE_CHECKING:
     from .batch import Frame, Row
@@ -26,6 +27,9 @@ _FRAMES = "Frames"
 _OUTPUTS = "Outputs"
 _RANDOM = "Random lenses"
 _FAILURES = "failures.jsonl"
+# As much of a name as is in that of an unfinished file, and how much less it may be where a character ends.
+_PART_BYTES = 200
+_LONGEST_CHARACTER = 4
 
 
 @options.with_groups
@@ -168,6 +172,7 @@ def batch_command(
         **depth_words,
         "transfer": _options.one_of("--transfer", render_options.transfer, io.TRANSFERS),
         "alpha": _options.one_of("--alpha", render_options.alpha, io.ALPHAS),
+        "invalid_color": _options.one_of("--invalid-color", render_options.invalid_color, io.INVALID_COLORS),
     }
     rendering = {
         "method": render_options.method,
@@ -203,9 +208,9 @@ def batch_command(
         except ValueError as error:
             raise ValueError(f"{row.color}: {error}" if row.lens else str(error)) from error
         frames.append(frame)
-    _check_paths(frames, output, [path for path in (manifest, lens_file) if path is not None])
+    lists = [path for path in (manifest, lens_file, opening.get("image")) if isinstance(path, (str, Path))]
+    _check_paths(frames, output, [Path(path) for path in lists], [one for one in (color, depth) if one])
     _check_options(frames[0])
-    _remove_parts(frames)
     return _run(frames, output, workers=workers, dask=dask, resume=resume)
 
 
@@ -220,7 +225,7 @@ def _rows(color: str | None, depth: str | None, manifest: Path | None, output: P
     elif color is not None:
         found = pair_files(color, depth, exclude=output)
         for path in found.unmatched:
-            print(f"dofsim: {path}: has no partner and is left out", file=sys.stderr)
+            print(f"dofsim: {printable(str(path))}: has no partner and is left out", file=sys.stderr)
         for name, (picture, plane) in found.pairs.items():
             yield Row(name=name, color=picture, depth=plane)
 
@@ -229,8 +234,12 @@ def _has_focus(words: dict[str, Any]) -> bool:
     return _options.focus_word(words) in words
 
 
-def _check_paths(frames: list[Frame], output: Path, lists: list[Path]) -> None:
-    """Refuse frames that would write over each other, over what is read, or through a link to elsewhere."""
+def _check_paths(frames: list[Frame], output: Path, lists: list[Path], searched: list[str]) -> None:
+    """Refuse frames that would write over each other, over what is read, or through a link to elsewhere.
+
+    Refuse also what a later run would take for pictures, among those that are ``searched``.
+    """
+    from .batch.pairs import would_find
     from .batch.pipeline import distinct
 
     folder = output.resolve()
@@ -244,6 +253,13 @@ def _check_paths(frames: list[Frame], output: Path, lists: list[Path]) -> None:
             raise ValueError(f"{path}: is one of the inputs, which are not overwritten")
         if not resolved.is_relative_to(folder):
             raise ValueError(f"{path}: a symbolic link leads it out of {output}")
+        for where in searched:
+            if would_find(where, path, exclude=output):
+                raise ValueError(
+                    f"{path}: would be among the files of {where}, and the next run would take it for "
+                    f"one; name another folder, such as -o {output / 'out'}, or list the frames in a "
+                    "--manifest"
+                )
 
 
 def _check_options(frame: Frame) -> None:
@@ -264,13 +280,23 @@ def _check_options(frame: Frame) -> None:
 
 
 def _remove_parts(frames: list[Frame]) -> None:
-    """Remove the unfinished files that a killed run has left of these frames."""
+    """Remove the unfinished files that a killed run has left of these frames, none of a living process."""
+    from .batch.claim import is_alive
+
     known = {path for frame in frames for path in (frame.record, *frame.files.values())}
     for folder in {path.parent for path in known}:
+        names = [path.name for path in known if path.parent == folder]
         for part in folder.glob(".*.part"):
-            match = re.fullmatch(r"\.(.+)\.\d+-\d+\.part", part.name)
-            if match and folder / match[1] in known:
-                part.unlink()
+            match = re.fullmatch(r"\.(.+)\.(\d+)-\d+\.part", part.name)
+            if match and not is_alive(int(match[2])) and any(_begins(name, match[1]) for name in names):
+                part.unlink(missing_ok=True)
+
+
+def _begins(name: str, beginning: str) -> bool:
+    """Tell whether an unfinished file is one of this name, of which only so much may be in its own."""
+    return name == beginning or (
+        name.startswith(beginning) and len(beginning.encode()) > _PART_BYTES - _LONGEST_CHARACTER
+    )
 
 
 def _run(frames: list[Frame], output: Path, *, workers: int, dask: str | None, resume: bool) -> int:
@@ -278,16 +304,20 @@ def _run(frames: list[Frame], output: Path, *, workers: int, dask: str | None, r
     from tqdm import tqdm
 
     from .batch import map_frames
+    from .batch.claim import claimed
 
     output.mkdir(parents=True, exist_ok=True)
     failures = output / _FAILURES
     counts: Counter[str] = Counter()
     start = time.perf_counter()
     with (
-        _workers(workers, dask) as found,
+        # A run that did not come to its end may have been killed by a frame, which is then computed apart.
+        claimed(output) as died,
+        _workers(workers, dask, apart=died) as found,
         # Only people are shown how it goes on, not files.
         tqdm(total=len(frames), unit="frame", disable=None) as progress,
     ):
+        _remove_parts(frames)
         for result in map_frames(
             [_with_threads(frame, found.threads_each) for frame in frames],
             executor=found.executor,
@@ -298,7 +328,8 @@ def _run(frames: list[Frame], output: Path, *, workers: int, dask: str | None, r
             counts[result.status] += 1
             progress.update()
             if result.error is not None:
-                tqdm.write(f"dofsim: {result.frame.output}: {result.error}", file=sys.stderr)
+                message = printable(f"{result.frame.output}: {options.in_options(result.error)}")
+                tqdm.write(f"dofsim: {message}", file=sys.stderr)
     seconds = time.perf_counter() - start
     print(
         f"{output}: {counts['written']} written, {counts['skipped']} there already, "
@@ -316,23 +347,16 @@ def _with_threads(frame: Frame, threads: int | None) -> Frame:
 
 
 @contextmanager
-def _workers(workers: int, dask: str | None) -> Iterator[Workers]:
-    """Start those who compute the frames, or find them."""
-    from concurrent.futures import BrokenExecutor
-
-    from .batch.workers import Workers, dask_cluster, process_pool, share_of_processors
+def _workers(workers: int, dask: str | None, *, apart: bool) -> Iterator[Workers]:
+    """Start those who compute the frames, or find them; if ``apart``, in no case this process."""
+    from .batch.workers import Processes, Workers, dask_cluster, share_of_processors
 
     if dask is not None:
         with dask_cluster(dask, workers) as cluster:
             yield cluster
         return
-    if workers == 1:
+    if workers == 1 and not apart:
         yield Workers(executor=None, slots=1, threads_each=None)
         return
-    try:
-        with process_pool(workers) as pool:
-            yield Workers(pool, workers, share_of_processors(workers))
-    except BrokenExecutor as error:
-        raise OSError(
-            "a worker was killed, as happens when memory runs out; run again to go on, with fewer --workers"
-        ) from error
+    with Processes(workers) as pool:
+        yield Workers(pool, workers, share_of_processors(workers))

@@ -6,11 +6,12 @@ import json
 import os
 import re
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+
+from ._files import open_regular, read_text
 
 # A parameter's value may name other parameters, so that a short hostile file could stand for gigabytes.
 _LONGEST_VALUE = 4096
@@ -132,12 +133,13 @@ def _scene_file(path: Any) -> dict[str, Any]:
     def refused(why: str) -> ValueError:
         return ValueError(f"{path}: {why}")
 
-    try:
-        root = ElementTree.parse(path).getroot()
-    except OSError:
-        raise
-    except Exception:
-        raise refused("no XML file") from None
+    with open_regular(path) as file:
+        try:
+            root = ElementTree.parse(file).getroot()
+        except OSError:
+            raise
+        except Exception:
+            raise refused("no XML file") from None
     sensors = list(root.iter("sensor"))
     if len(sensors) != 1:
         raise refused(f"one sensor is needed; there are {len(sensors)}")
@@ -179,12 +181,21 @@ def _parameters(
 
 
 def _blender_words(camera: Any) -> dict[str, Any]:
-    words = json.loads(Path(camera).read_bytes()) if _is_path(camera) else camera
+    words = _json_file(camera) if _is_path(camera) else camera
     if not isinstance(words, dict):
         raise TypeError(
             f"camera must be a dictionary or the path of a JSON file that holds one; got {words!r}"
         )
     return words
+
+
+def _json_file(path: Any) -> Any:
+    try:
+        return json.loads(read_text(path))
+    except ValueError as error:
+        raise ValueError(f"{path}: not a JSON file: {error}") from error
+    except RecursionError as error:
+        raise ValueError(f"{path}: not a JSON file: it is nested too deeply") from error
 
 
 def _is_path(value: Any) -> bool:

@@ -76,17 +76,28 @@ DepthKind = Annotated[
     str | None,
     typer.Option(
         help="What depth measures: z (default), distance, inverse_z, disparity, relative, zbuffer, "
-        "distance_from_near.",
+        "opengl_ndc, distance_from_near.",
         rich_help_panel="Depth",
     ),
 ]
 Near = Annotated[
-    float | None, typer.Option(help="Near plane in metres, of z-buffers.", rich_help_panel="Depth")
+    float | None,
+    typer.Option(
+        help="Near plane in metres, of z-buffers; the far plane of a reversed one. May be inf.",
+        rich_help_panel="Depth",
+    ),
 ]
 Far = Annotated[
-    float | None, typer.Option(help="Far plane in metres, of z-buffers.", rich_help_panel="Depth")
+    float | None,
+    typer.Option(
+        help="Far plane in metres, of z-buffers; the near plane of a reversed one. May be inf.",
+        rich_help_panel="Depth",
+    ),
 ]
-DepthScale = Annotated[float | None, typer.Option(help="Depth is multiplied by it.", rich_help_panel="Depth")]
+DepthScale = Annotated[
+    float | None,
+    typer.Option(help="Depth is multiplied by it; -1 for depth along -z.", rich_help_panel="Depth"),
+]
 DepthMissing = Annotated[
     float | None,
     typer.Option(
@@ -106,6 +117,13 @@ Transfer = Annotated[
 ]
 Alpha = Annotated[
     str | None, typer.Option(help="What a second or fourth channel is: straight, premultiplied or none.")
+]
+InvalidColor = Annotated[
+    str,
+    typer.Option(
+        help="What to do with pixels whose colour is NaN or infinite: keep (they are then an error) or "
+        "neighbours (the mean of those around them)."
+    ),
 ]
 Method = Annotated[str, typer.Option(help="How to compute.")]
 Device = Annotated[
@@ -210,6 +228,7 @@ class RenderOptions:
     layer: Layer = None
     transfer: Transfer = None
     alpha: Alpha = None
+    invalid_color: InvalidColor = "keep"
     method: Method = "lens"
     method_options: MethodOptions = None
     device: Device = "auto"
@@ -225,6 +244,31 @@ class RenderOptions:
             **_options.read_method_options(self.method_options or []),
             **({"aperture": dofsim.Aperture(**opening)} if opening else {}),
         }
+
+
+def in_options(message: str) -> str:
+    """Put what the library says of its arguments into the words of the command line.
+
+    Parameters
+    ----------
+    message : str
+        What is wrong, as an exception has it.
+
+    Returns
+    -------
+    str
+        The same with the names of options.
+
+    Examples
+    --------
+    >>> from dofsim._command_options import in_options
+    >>> in_options("aperture_radius must be a radius in metres; got -1")
+    '--aperture-radius must be a radius in metres; got -1'
+    """
+    for words, option in _SAID.items():
+        message = message.replace(words, option)
+    name, must, rest = message.partition(" must ")
+    return f"{_OPTIONS[name]}{must}{rest}" if name in _OPTIONS else message
 
 
 def with_groups(command: Callable[..., T]) -> Callable[..., T]:
@@ -264,3 +308,19 @@ def with_groups(command: Callable[..., T]) -> Callable[..., T]:
     flat.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     flat.__name__, flat.__doc__ = command.__name__, command.__doc__
     return flat
+
+
+# The arguments of the library that are options of the same names, and what else it says of arguments.
+_OPTIONS = {
+    field.name: f"--{field.name.replace('_', '-')}"
+    for group in (LensOptions, ApertureOptions, DepthOptions, RenderOptions)
+    for field in fields(group)
+} | {"scale": "--depth-scale", "border": "--border"}
+_SAID = {
+    "are not finite (or too large for float32)": "are not finite (--invalid-color neighbours)",
+    "negate them": "negate them (--depth-scale -1)",
+    'pass invalid="far"': "pass --invalid far",
+    "near and far are for depth_kind": "--near and --far are for depth_kind",
+    "(depth_channel)": "(--depth-channel)",
+    "(layer)": "(--layer)",
+}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _dofsim
-from ._arrays import StrPath
+from ._files import StrPath, check_regular, open_regular
+from ._names import listed
 
 # The number 202021.25 as a little-endian float, which begins Sintel's files of depth and of optical flow.
 _DPT_START = b"PIEH"
 _HDF5_START = b"\x89HDF"
+
+# What a chunk may take beside the values of its data set, for one that grows may still be smaller than that.
+_CHUNK_BYTES = 64 << 20
+# HDF5's numbers of its filters, and the length of its checksum.
+_DEFLATE, _CHECKSUM = 1, 3
+_CHECKSUM_BYTES = 4
 
 
 def file_kind(path: StrPath) -> str:
@@ -52,13 +60,14 @@ def first_bytes(path: StrPath, count: int) -> bytes:
     """Read how a file begins; nothing of what is no file, for a pipe would be waited for."""
     if not Path(path).is_file():
         return b""
-    with Path(path).open("rb") as file:
+    with open_regular(path) as file:
         return file.read(count)
 
 
 def read_dpt(path: StrPath) -> NDArray[np.float32]:
     """Read a depth map of the MPI Sintel data set: a tag, the width, the height, and rows of floats."""
-    data = Path(path).read_bytes()
+    with open_regular(path) as file:
+        data = file.read()
     if len(data) < 12:
         raise ValueError(f"{path}: damaged file: it ends too early")
     width, height = (int(side) for side in np.frombuffer(data, "<i4", 2, offset=4))
@@ -77,6 +86,7 @@ def read_hdf5(path: StrPath, name: str | None) -> NDArray[Any]:
     except ImportError as error:
         raise ImportError("reading HDF5 needs h5py: pip install dofsim[hdf5]") from error
     try:
+        check_regular(path)
         with h5py.File(path, "r") as file:
             inside = (h5py.HardLink, h5py.SoftLink)
             links = {key: file.get(key, getlink=True) for key in file}
@@ -84,10 +94,10 @@ def read_hdf5(path: StrPath, name: str | None) -> NDArray[Any]:
             names = [key for key in here if isinstance(file.get(key), h5py.Dataset)]
             if name is None:
                 if len(names) != 1:
-                    raise ValueError(f"{path}: holds several data sets or none, name one: {', '.join(names)}")
+                    raise ValueError(f"{path}: holds several data sets or none, name one: {listed(names)}")
                 name = names[0]
             if not isinstance(file.get(name), h5py.Dataset):
-                raise ValueError(f"{path}: there is no data set {name!r}; data sets: {', '.join(names)}")
+                raise ValueError(f"{path}: there is no data set {name!r}; data sets: {listed(names)}")
             dataset = file[name]
             if dataset.external or dataset.is_virtual or dataset.file.filename != file.filename:
                 raise ValueError(f"{path}: the values of {name!r} are in other files, which are not followed")
@@ -95,9 +105,42 @@ def read_hdf5(path: StrPath, name: str | None) -> NDArray[Any]:
             # Chunks may be deflated, which no data survive by more than a factor of 1032.
             if claimed > Path(path).stat().st_size * (1 if dataset.chunks is None else 1032):
                 raise ValueError(f"{path}: damaged file: it claims {claimed} bytes, which it cannot hold")
+            _check_chunks(path, dataset)
             return np.asarray(dataset[()])
-    except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:
+    except (OSError, RuntimeError, KeyError, TypeError, ValueError, zlib.error) as error:
         # The library's own errors have no number, and do not name the file; those of the system and ours do.
         if getattr(error, "errno", None) is not None or str(error).startswith(f"{path}: "):
             raise
         raise ValueError(f"{path}: damaged file: {error}") from error
+
+
+def _check_chunks(path: StrPath, dataset: Any) -> None:
+    """Refuse chunks that are far larger than the data set, or that inflate beyond their own size.
+
+    The library inflates a whole chunk for a single value, and to wherever its data end.
+    """
+    if dataset.chunks is None:
+        return
+    claimed = math.prod(dataset.shape) * dataset.dtype.itemsize
+    size = math.prod(dataset.chunks) * dataset.dtype.itemsize
+    if size > claimed + _CHUNK_BYTES:
+        raise ValueError(
+            f"{path}: damaged file: a chunk claims {size} bytes, and the whole data set {claimed}"
+        )
+    properties = dataset.id.get_create_plist()
+    filters = [properties.get_filter(index)[0] for index in range(properties.get_nfilters())]
+    if filters.count(_DEFLATE) > 1:
+        raise ValueError(f"{path}: damaged file: its chunks are deflated more than once")
+    if _DEFLATE not in filters:
+        return
+    place = filters.index(_DEFLATE)
+    if any(one != _CHECKSUM for one in filters[place + 1 :]):
+        raise ValueError(f"{path}: its chunks are changed after they are deflated, which is not read")
+    for index in range(dataset.id.get_num_chunks()):
+        chunk = dataset.id.get_chunk_info(index)
+        skipped, data = dataset.id.read_direct_chunk(chunk.chunk_offset)
+        most = size + _CHECKSUM_BYTES
+        if not skipped >> place & 1 and len(zlib.decompressobj().decompress(data, most + 1)) > most:
+            raise ValueError(
+                f"{path}: damaged file: a chunk inflates to more than the {size} bytes it claims"
+            )

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ._arrays import StrPath
 from ._datasets import first_bytes
 from ._deep_header import check_claims
+from ._files import StrPath
 
 Samples = dict[str, NDArray[np.float32]]
 
@@ -20,8 +20,9 @@ _MAGIC = 20000630
 _HAS_DEEP = 1 << 11
 # The coverage of a sample that gives light and has none: without any it would have no place in a layer.
 _GLOW_ALPHA = 1e-3
-# Pixels whose samples are put in order together.
+# Pixels whose samples are read together, and the samples, padded, that are put in order together.
 _CHUNK = 1 << 18
+_PADDED = 1 << 20
 
 
 def exr_kind(path: StrPath) -> Literal["flat", "deep"] | None:
@@ -135,9 +136,9 @@ def flatten(
             present = flat[source][pixels] if source in flat else None
             default = np.full_like(values["Z"], 1.0 if name == "A" else 0.0)
             values[name] = default if present is None else _joined(present, counts)
-        padded = _merged(_in_order(values, counts), max_layers)
-        color.append(np.stack([padded[name] for name in "RGBA"], axis=-1))
-        depth.append(padded["Z"])
+        layered = _layered(values, counts, max_layers)
+        color.append(np.stack([layered[name] for name in "RGBA"], axis=-1))
+        depth.append(layered["Z"])
     layers = max(part.shape[1] for part in color)
     shaped = (layers, *shape)
     return (
@@ -153,6 +154,32 @@ def _joined(pixels: NDArray[Any], counts: NDArray[np.intp]) -> NDArray[np.float3
     if joined.size != counts.sum():
         raise ValueError("the channels of a deep part differ in their numbers of samples")
     return joined
+
+
+def _layered(values: Samples, counts: NDArray[np.intp], max_layers: int) -> Samples:
+    """Bring samples to layers, shape (pixels, layers), in memory that grows with the number of samples."""
+    shape = (counts.size, max(1, min(max_layers, int(counts.max(initial=0)))))
+    layered = {name: np.full(shape, np.inf if name == "Z" else 0.0, np.float32) for name in values}
+    first = np.cumsum(counts) - counts
+    for pixels in _alike(counts):
+        of_each = counts[pixels]
+        place = np.arange(of_each.sum()) - np.repeat(np.cumsum(of_each) - of_each, of_each)
+        samples = np.repeat(first[pixels], of_each) + place
+        chosen = {name: plane[samples] for name, plane in values.items()}
+        for name, plane in _merged(_in_order(chosen, of_each), max_layers).items():
+            layered[name][pixels, : plane.shape[1]] = plane
+    return layered
+
+
+def _alike(counts: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
+    """Group pixels by their numbers of samples, so that little is wasted on padding the fewer of a group."""
+    order = np.argsort(counts, kind="stable")
+    start = 0
+    while start < order.size:
+        padded = np.arange(1, order.size - start + 1) * counts[order[start:]]
+        end = start + max(1, int(np.searchsorted(padded, _PADDED, side="right")))
+        yield order[start:end]
+        start = end
 
 
 def _in_order(values: Samples, counts: NDArray[np.intp]) -> Samples:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 from mmap import ACCESS_READ, mmap
-from pathlib import Path
 
-from ._arrays import StrPath
+from ._files import StrPath, open_regular
 
 # A stored pixel takes two bytes at the least (a deep one four, for its number of samples), and deflate makes
 # no more than this of one byte.
@@ -34,7 +33,7 @@ def check_claims(path: StrPath) -> None:
     ValueError
         If a part claims pixels that the file cannot hold, or if its header is damaged.
     """
-    with Path(path).open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as data:
+    with open_regular(path) as file, mmap(file.fileno(), 0, access=ACCESS_READ) as data:
         most = {
             b"dataWindow": _STORED_PER_BYTE * len(data),
             b"displayWindow": _ALWAYS_SEEN + _SEEN_PER_BYTE * len(data),

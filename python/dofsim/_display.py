@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import base64
 import math
+from collections.abc import Callable
 from html import escape
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +15,8 @@ from ._blur import Blur, metres
 from ._dofsim import Aperture, Lens, encode_png, render
 from ._drawing import NEAR_COLOR, SHARP_RADIUS_PX, Curve, codes
 
+T = TypeVar("T")
+
 # The picture that a lens is described for.
 _SIZE = 1920, 1080
 _CHART = 360, 110
@@ -20,6 +24,27 @@ _CHART = 360, 110
 
 def lens_html(lens: Lens) -> str:
     """Give the words of a lens as a table, and for a metric one its blur against distance."""
+    return _or_words_alone(lens, _lens_html)
+
+
+def aperture_html(aperture: Aperture) -> str:
+    """Give the words of an opening, and what it makes of a point of light."""
+    return _or_words_alone(aperture, _aperture_html)
+
+
+def _or_words_alone(setting: T, html: Callable[[T], str]) -> str:
+    """Show a setting; the words alone where its numbers are too extreme to draw.
+
+    Notebooks ask for it unasked, so it is never an error.
+    """
+    try:
+        with np.errstate(all="raise", under="ignore"):
+            return html(setting)
+    except (ValueError, ArithmeticError) as error:
+        return f"<div><code>{escape(repr(setting))}</code><br>No picture of it: {escape(str(error))}</div>"
+
+
+def _lens_html(lens: Lens) -> str:
     rows = "".join(
         f"<tr><th style='text-align:left;font-weight:600'>{escape(name)}</th>"
         f"<td style='text-align:left'>{escape(value)}</td></tr>"
@@ -33,8 +58,7 @@ def lens_html(lens: Lens) -> str:
     )
 
 
-def aperture_html(aperture: Aperture) -> str:
-    """Give the words of an opening, and what it makes of a point of light."""
+def _aperture_html(aperture: Aperture) -> str:
     source = base64.b64encode(aperture_png(aperture)).decode()
     return (
         f"<div><code>{escape(repr(aperture))}</code><br>"

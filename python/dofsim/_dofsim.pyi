@@ -43,7 +43,7 @@ _Sample = TypeVar("_Sample", bound=np.float16 | np.float32 | np.float64 | np.uin
 
 _Alpha: TypeAlias = Literal["premultiplied", "straight", "none"]
 _DepthKind: TypeAlias = Literal[
-    "z", "distance", "inverse_z", "disparity", "relative", "zbuffer", "distance_from_near"
+    "z", "distance", "inverse_z", "disparity", "relative", "zbuffer", "opengl_ndc", "distance_from_near"
 ]
 # "auto", "cpu", "gpu", or an adapter by its id or its name.
 _Device: TypeAlias = str

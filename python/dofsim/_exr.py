@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _arrays, _channels, _dofsim
-from ._arrays import StrPath
+from ._files import StrPath
+from ._names import listed
 
 Compression = Literal["none", "rle", "zips", "zip", "piz"]
 
@@ -93,7 +94,7 @@ def read_exr(path: StrPath, channels: list[str] | None = None) -> dict[str, NDAr
     names = list(known) if channels is None else channels
     for name in names:
         if name not in known:
-            raise ValueError(f"{path}: there is no channel {name!r}; channels: {', '.join(known)}")
+            raise ValueError(f"{path}: there is no channel {name!r}; channels: {listed(known)}")
     return {name: file.read([known[name]], data=True, fill=0.0) for name in names}
 
 
@@ -186,6 +187,13 @@ class ExrFile:
         """Choose the channel of the depth."""
         with self._about():
             return _channels.depth(self.channels, name, layer)
+
+    def depth_channels(self, name: str | None, layer: str | None) -> list[_channels.Channel]:
+        """Choose the channel of the depth, or those of a file that holds nothing else than colours."""
+        colours = [channel for channel in self.channels if channel.full.lower() in ("r", "g", "b")]
+        if name is None and len(colours) == 3 and len(self.channels) == 3:
+            return self.color_channels("")
+        return [self.depth_channel(name, layer)]
 
     def read(self, channels: list[_channels.Channel], *, data: bool, fill: float) -> NDArray[np.float32]:
         """Read channels of one part, side by side, `fill` where the display window has no stored pixels."""

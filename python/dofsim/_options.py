@@ -10,6 +10,8 @@ from typing import Any
 
 import dofsim
 
+from ._files import read_text
+
 if sys.version_info >= (3, 11):
     import tomllib
 else:
@@ -62,9 +64,11 @@ def read_settings(
     words: dict[str, Any] = {}
     if path is not None:
         try:
-            words = tomllib.loads(path.read_text(encoding="utf-8"))
+            words = tomllib.loads(read_text(path))
         except ValueError as error:
             raise ValueError(f"{path}: not a TOML file: {error}") from error
+        except RecursionError as error:
+            raise ValueError(f"{path}: not a TOML file: it is nested too deeply") from error
     opening = words.pop("aperture", {})
     if not isinstance(opening, dict):
         raise ValueError(f"{path}: aperture must be a table")
@@ -106,7 +110,7 @@ def read_method_options(settings: list[str]) -> dict[str, Any]:
             raise ValueError(f"--set {name} is given twice")
         try:
             values[name] = tomllib.loads(f"value = {text}")["value"]
-        except tomllib.TOMLDecodeError:
+        except (tomllib.TOMLDecodeError, RecursionError):
             values[name] = text
     return values
 

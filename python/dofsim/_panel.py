@@ -98,6 +98,8 @@ def draw(tiles: Sequence[Tile], *, columns: int = 2) -> bytes:
             fontsize=9,
             color="black",
             verticalalignment="bottom",
+            # Titles are names of files, in which a dollar is a dollar.
+            parse_math=False,
         )
         if tile.scale:
             _bar(figure, tile.scale, left + width + 8, bottom, height)

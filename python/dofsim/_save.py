@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _arrays, _dofsim
 from ._alpha import premultiply, unpremultiply
-from ._arrays import StrPath
 from ._exr import Compression
+from ._files import StrPath
 
 Alpha = Literal["none", "straight", "premultiplied"]
 SampleType = Literal["half", "float", "uint8", "uint16"]

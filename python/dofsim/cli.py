@@ -20,6 +20,7 @@ import dofsim
 from . import _command_options as options
 from . import _options
 from ._batch_command import batch_command
+from ._names import listed, printable
 
 app = typer.Typer(
     help="Turn a pinhole picture and its depth into the picture that a real lens would have taken.",
@@ -72,7 +73,9 @@ def run(arguments: list[str]) -> int:
     except OSError as error:
         return _fail(f"{error.filename}: {error.strerror}" if error.filename else str(error), 1)
     except (ValueError, TypeError) as error:
-        return _fail(str(error), 2)
+        return _fail(options.in_options(str(error)), 2)
+    except RecursionError:
+        return _fail("what was given is nested too deeply", 2)
     except (dofsim.DeviceError, ImportError, MemoryError) as error:
         return _fail(str(error) or "not enough memory", 1)
     except Exception as error:
@@ -86,7 +89,7 @@ def run(arguments: list[str]) -> int:
 def _fail(message: str, status: int) -> int:
     # Without arguments the help has been printed, and nothing is left to say.
     if message:
-        print(f"dofsim: {message}", file=sys.stderr)
+        print(f"dofsim: {printable(message)}", file=sys.stderr)
     return status
 
 
@@ -133,8 +136,10 @@ def render_command(
         layer=render_options.layer,
         **reading,
         transfer=_options.one_of("--transfer", render_options.transfer, io.TRANSFERS),
+        invalid_color=_options.one_of("--invalid-color", render_options.invalid_color, io.INVALID_COLORS),
     )
     words, opening = lens_options.read(rgbd.depth, aperture_options, **kind)
+    _check_input(output, opening.get("image"))
     picture = io.Image(rgbd.color, rgbd.transfer, rgbd.alpha)
     if chosen := _options.one_of("--alpha", render_options.alpha, io.ALPHAS):
         picture = replace(picture, alpha=chosen)
@@ -161,6 +166,7 @@ def render_command(
         sample_type = "uint16"
     io.write_image(output, result, alpha="premultiplied" if has_alpha else "none", dtype=sample_type)
     print(f"{output}: {result.shape[1]} x {result.shape[0]}, rendered in {seconds:.2f} s")
+    _say_channels(image, depth or image, rgbd.color_channels, rgbd.depth_channel)
     if profile:
         passes = dofsim.Scene(color, rgbd.depth, **scene_words).profile(lens, **method_words)
         for name, milliseconds in [*passes, ("all passes", sum(time for _, time in passes))]:
@@ -184,7 +190,8 @@ def coc_command(
 
     _check_output(output, [depth, lens_options.lens_file])
     kind, reading = depth_options.read()
-    plane = io.read_depth(depth, **{name.removeprefix("depth_"): value for name, value in reading.items()})
+    words = {name.removeprefix("depth_"): value for name, value in reading.items()}
+    plane, channel = io.read_named_depth(depth, **words)
     words, _ = lens_options.read(plane, **kind)
     lens = _options.make_lens(words)
     radius = dofsim.coc(plane, lens, **kind, invalid=depth_options.invalid)
@@ -197,6 +204,7 @@ def coc_command(
     else:
         io.write_image(output, radius)
     print(f"{output}: radius from {radius.min():+.2f} px (near) to {radius.max():+.2f} px (far)")
+    _say_channels(depth, depth, (), channel)
 
 
 app.command("batch", no_args_is_help=True)(batch_command)
@@ -256,6 +264,14 @@ def demo_command(
     print(f"{demo.result}: the result in linear light")
 
 
+def _say_channels(image: Path, depth: Path, color: tuple[str, ...], plane: str | None) -> None:
+    """Say which channels of OpenEXR files were chosen, where they have other names than the format's own."""
+    if not set(color) <= set("RGBAY"):
+        print(f"dofsim: {printable(str(image))}: the picture is {listed(color)}", file=sys.stderr)
+    if plane not in (None, "Z"):
+        print(f"dofsim: {printable(str(depth))}: the depth is {printable(plane)}", file=sys.stderr)
+
+
 def _check_output(output: Path, inputs: list[Path | None], suffixes: tuple[str, ...] | None = None) -> None:
     """Refuse an output that cannot be written or must not be, before any work is done."""
     from . import io
@@ -265,9 +281,11 @@ def _check_output(output: Path, inputs: list[Path | None], suffixes: tuple[str, 
         raise ValueError(f"{output}: the suffix {output.suffix!r} is not one of {', '.join(accepted)}")
     if not output.parent.is_dir():
         raise FileNotFoundError(errno.ENOENT, "there is no such folder", str(output.parent))
-    if any(path is not None and _same(path, output) for path in inputs):
+    for path in inputs:
+        _check_input(output, path)
+
+
+def _check_input(output: Path, path: Any) -> None:
+    """Refuse an output that is one of the inputs."""
+    if isinstance(path, (str, Path)) and output.exists() and Path(path).exists() and output.samefile(path):
         raise ValueError(f"{output}: is one of the inputs, which are not overwritten")
-
-
-def _same(path: Path, output: Path) -> bool:
-    return path.exists() and output.exists() and path.samefile(output)

@@ -18,15 +18,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from . import _arrays, _datasets, _deep, _dofsim
 from ._alpha import premultiply
-from ._arrays import StrPath
+from ._bad_pixels import fill_from_neighbours
+from ._channels import Channel
 from ._exr import ExrFile, list_channels, read_exr, write_exr
+from ._files import StrPath
 from ._save import (
     ALPHAS,
     SAMPLE_TYPES,
@@ -41,6 +43,7 @@ from ._save import (
 
 __all__ = [
     "ALPHAS",
+    "INVALID_COLORS",
     "READABLE_SUFFIXES",
     "RGBD",
     "SAMPLE_TYPES",
@@ -59,6 +62,9 @@ __all__ = [
 ]
 
 Window = Literal["display", "data"]
+InvalidColor = Literal["keep", "neighbours"]
+
+INVALID_COLORS: tuple[InvalidColor, ...] = get_args(InvalidColor)
 
 # Suffixes that files of the kinds read here have; they are recognised by their contents all the same.
 READABLE_SUFFIXES = (*SUFFIXES, ".jpg", ".jpeg", ".webp", ".bmp", ".hdr", ".dpt", ".h5", ".hdf5")
@@ -77,11 +83,14 @@ class Image:
         How the values stand for light.
     alpha : {"none", "straight", "premultiplied"}
         What the last channel is if C is 2 or 4.
+    channels : tuple of str
+        The full names of the channels of an OpenEXR file that were read; empty for other files.
     """
 
     pixels: NDArray[Any]
     transfer: Transfer
     alpha: Alpha
+    channels: tuple[str, ...] = ()
 
     def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
         """Return the pixels."""
@@ -118,12 +127,18 @@ class RGBD:
         How the values of ``color`` stand for light.
     alpha : {"none", "straight", "premultiplied"}
         What the last channel of ``color`` is if C is 2 or 4.
+    color_channels : tuple of str
+        The full names of the channels of an OpenEXR file that ``color`` was read from; empty for other files.
+    depth_channel : str, optional
+        The full name of the channel of an OpenEXR file that ``depth`` was read from; None for other files.
     """
 
     color: NDArray[Any]
     depth: NDArray[np.float32]
     transfer: Transfer
     alpha: Alpha
+    color_channels: tuple[str, ...] = ()
+    depth_channel: str | None = None
 
     def __iter__(self) -> Iterator[NDArray[Any]]:
         """Yield the colour, then the depth."""
@@ -182,7 +197,7 @@ def read_color(
     if kind == "exr":
         file = ExrFile.of(path)
         channels = file.color_channels(layer)
-        return _exr_image(path, file.read(channels, data=window == "data", fill=0.0), transfer)
+        return _exr_image(path, file.read(channels, data=window == "data", fill=0.0), channels, transfer)
     if kind == "npz":
         pixels = _arrays.read_npz(path, layer, ("color", "rgba", "rgb"))
     elif kind == "npy":
@@ -214,12 +229,13 @@ def read_depth(
     ----------
     path : str or path-like
         A file of any kind that `read_color` reads, or Sintel's ``.dpt``. All but OpenEXR, NPZ and HDF5 must
-        have a single channel.
+        have a single channel, or several colours that are equal in every pixel.
     channel : str, optional
         Which channel of an OpenEXR file or which array of an NPZ or HDF5 file. Without it the channel is
         chosen by its name, see `dofsim._channels`; in an NPZ file it is ``depth``, ``z`` or the only array.
     scale : float, optional
-        The values are multiplied by it: 0.001 for millimetres in a 16-bit PNG, 1/256 for KITTI.
+        The values are multiplied by it: 0.001 for millimetres in a 16-bit PNG, 1/256 for KITTI, -1 for depth
+        along -z as of OpenGL's or Mantra's cameras.
     missing : float, optional
         The value in the file that means no reading, such as 0; becomes NaN.
     background : float, optional
@@ -254,26 +270,16 @@ def read_depth(
     ...     read_depth(path)
     array([[1. , 2.5, inf]], dtype=float32)
     """
-    kind = _datasets.file_kind(path)
-    _positive(scale)
-    if kind == "exr":
-        file = ExrFile.of(path)
-        chosen = file.depth_channel(channel, layer)
-        depth = file.read([chosen], data=window == "data", fill=math.inf)
-    elif kind == "npz":
-        depth = _arrays.read_npz(path, channel, ("depth", "z"))
-    elif kind == "npy":
-        depth = _arrays.read_npy(path)
-    elif kind == "hdf5":
-        depth = _datasets.read_hdf5(path, channel)
-    elif kind == "dpt":
-        depth = _datasets.read_dpt(path)
-    else:
-        depth, _ = _dofsim.read_raster(path)
-    layers = kind in ("npy", "npz") and depth.ndim == 3
-    if depth.dtype.kind not in "fui" or (depth.ndim != 2 and not layers) or depth.size == 0:
-        raise ValueError(f"{path}: found {_describe(depth)}; a depth map has one channel of numbers")
-    return _measured(depth, scale, missing, background)
+    depth, _ = read_named_depth(
+        path,
+        channel=channel,
+        scale=scale,
+        missing=missing,
+        background=background,
+        layer=layer,
+        window=window,
+    )
+    return depth
 
 
 def read_rgbd(
@@ -288,6 +294,7 @@ def read_rgbd(
     transfer: Transfer | None = None,
     window: Window = "display",
     max_layers: int = 4,
+    invalid_color: InvalidColor = "keep",
 ) -> RGBD:
     """Read a picture and its depth from one file or two.
 
@@ -313,6 +320,9 @@ def read_rgbd(
     max_layers : int, optional
         The most layers that the samples of a deep OpenEXR file are merged to, without loss of light; such
         files need ``pip install dofsim[deep]``.
+    invalid_color : {"keep", "neighbours"}, optional
+        What to do with pixels whose colour is NaN or infinite: keep them, for `dofsim.render` to refuse, or
+        give them the mean of those around them.
 
     Returns
     -------
@@ -338,6 +348,9 @@ def read_rgbd(
     >>> color.shape, depth.shape
     ((4, 6, 3), (4, 6))
     """
+    _check_scale(depth_scale, "depth_scale")
+    if invalid_color not in INVALID_COLORS:
+        raise ValueError(f"invalid_color must be one of {', '.join(INVALID_COLORS)}; got {invalid_color!r}")
     if depth_path is None:
         exr_kind = _deep.exr_kind(color_path)
         if exr_kind == "deep":
@@ -346,21 +359,22 @@ def read_rgbd(
                     f"{color_path}: layer and depth_channel are not for deep files, which have one picture"
                 )
             layers, depths = _deep.read_deep(color_path, max_layers, data=window == "data")
-            measured = _measured(depths, _positive(depth_scale), depth_missing, depth_background)
+            measured = _measured(depths, depth_scale, depth_missing, depth_background)
+            if invalid_color == "neighbours":
+                layers = np.stack([fill_from_neighbours(layer) for layer in layers])
             return RGBD(layers, measured, "linear", "premultiplied")
         if exr_kind == "flat":
-            _positive(depth_scale)
             file = ExrFile.of(color_path)
             channels = file.color_channels(layer)
             chosen = file.depth_channel(depth_channel, layer)
             pixels, plane = file.read_both(channels, chosen, data=window == "data")
-            image = _exr_image(color_path, pixels, transfer)
+            image = _exr_image(color_path, pixels, channels, transfer)
             depth = _measured(plane, depth_scale, depth_missing, depth_background)
-            return _checked_rgbd(color_path, image, depth)
+            return _checked_rgbd(color_path, image, depth, chosen.full, invalid_color)
         if (kind := _datasets.file_kind(color_path)) != "npz":
             raise ValueError(f"{color_path}: a file of kind {kind} holds no depth beside the picture")
     image = read_color(color_path, layer=layer, transfer=transfer, window=window)
-    depth = read_depth(
+    plane, name = read_named_depth(
         color_path if depth_path is None else depth_path,
         channel=depth_channel,
         scale=depth_scale,
@@ -369,27 +383,89 @@ def read_rgbd(
         layer=layer if depth_path is None else None,
         window=window,
     )
-    return _checked_rgbd(color_path, image, depth)
+    return _checked_rgbd(color_path, image, plane, name, invalid_color)
 
 
-def _exr_image(path: StrPath, pixels: NDArray[np.float32], transfer: Transfer | None) -> Image:
+def read_named_depth(
+    path: StrPath,
+    *,
+    channel: str | None = None,
+    scale: float = 1.0,
+    missing: float | None = None,
+    background: float | None = None,
+    layer: str | None = None,
+    window: Window = "display",
+) -> tuple[NDArray[np.float32], str | None]:
+    """Read the depth of a file as `read_depth` does, and the full name of its channel in an OpenEXR file."""
+    kind = _datasets.file_kind(path)
+    _check_scale(scale, "scale")
+    name = None
+    if kind == "exr":
+        file = ExrFile.of(path)
+        chosen = file.depth_channels(channel, layer)
+        name = chosen[0].full
+        depth = file.read(chosen, data=window == "data", fill=math.inf)
+    elif kind == "npz":
+        depth = _arrays.read_npz(path, channel, ("depth", "z"))
+    elif kind == "npy":
+        depth = _arrays.read_npy(path)
+    elif kind == "hdf5":
+        depth = _datasets.read_hdf5(path, channel)
+    elif kind == "dpt":
+        depth = _datasets.read_dpt(path)
+    else:
+        depth, _ = _dofsim.read_raster(path)
+    layers = kind in ("npy", "npz") and depth.ndim == 3
+    if not layers:
+        depth = _of_one_colour(path, depth)
+    if depth.dtype.kind not in "fui" or (depth.ndim != 2 and not layers) or depth.size == 0:
+        raise ValueError(f"{path}: found {_describe(depth)}; a depth map has one channel of numbers")
+    return _measured(depth, scale, missing, background), name
+
+
+def _of_one_colour(path: StrPath, depth: NDArray[Any]) -> NDArray[Any]:
+    """Take one channel of a map whose colours are all equal, as programs without grey pictures write it."""
+    if depth.ndim != 3 or depth.shape[-1] not in (3, 4):
+        return depth
+    if not all(np.array_equal(depth[..., 0], depth[..., one]) for one in (1, 2)):
+        raise ValueError(
+            f"{path}: found {_describe(depth)}, whose colours differ; a depth map has one channel of "
+            "numbers, or equal ones"
+        )
+    return np.ascontiguousarray(depth[..., 0])
+
+
+def _exr_image(
+    path: StrPath, pixels: NDArray[np.float32], channels: list[Channel], transfer: Transfer | None
+) -> Image:
     """Give the pixels of an OpenEXR file their meaning: linear light, premultiplied."""
     _check_color(path, pixels, layers=False, transfer=transfer)
     has_alpha = pixels.ndim == 3 and pixels.shape[-1] in (2, 4)
-    return Image(pixels, "linear", "premultiplied" if has_alpha else "none")
+    names = tuple(channel.full for channel in channels)
+    return Image(pixels, "linear", "premultiplied" if has_alpha else "none", names)
 
 
-def _checked_rgbd(path: StrPath, image: Image, depth: NDArray[np.float32]) -> RGBD:
+def _checked_rgbd(
+    path: StrPath,
+    image: Image,
+    depth: NDArray[np.float32],
+    depth_channel: str | None,
+    invalid_color: InvalidColor,
+) -> RGBD:
     """Put a picture and its depth together, if they are of one size."""
     if image.pixels.shape[: depth.ndim] != depth.shape or image.pixels.ndim > depth.ndim + 1:
         raise ValueError(f"{path}: the picture is {_describe(image.pixels)}, its depth {_describe(depth)}")
-    return RGBD(image.pixels, depth, image.transfer, image.alpha)
+    pixels = image.pixels
+    if invalid_color == "neighbours" and depth.ndim == 3:
+        pixels = np.stack([fill_from_neighbours(layer) for layer in pixels])
+    elif invalid_color == "neighbours":
+        pixels = fill_from_neighbours(pixels)
+    return RGBD(pixels, depth, image.transfer, image.alpha, image.channels, depth_channel)
 
 
-def _positive(scale: float) -> float:
-    if not math.isfinite(scale) or scale <= 0:
-        raise ValueError(f"scale must be positive and finite, not {scale}")
-    return scale
+def _check_scale(scale: float, name: str) -> None:
+    if not math.isfinite(scale) or scale == 0:
+        raise ValueError(f"{name} must be finite and not 0; got {scale}")
 
 
 def _measured(
@@ -399,6 +475,9 @@ def _measured(
     with np.errstate(over="ignore", invalid="ignore"):
         values = depth.astype(np.float32)
         distances = values * np.float32(scale)
+    if scale < 0:
+        # What is infinitely far is so in either direction.
+        distances[np.isinf(values)] = np.inf
     if missing is not None:
         distances[values == np.float32(missing)] = np.nan
     if background is not None:

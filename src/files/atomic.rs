@@ -2,7 +2,7 @@
 
 use super::error::{Problem, Result};
 use super::source::with_path;
-use std::ffi::OsString;
+use std::ffi::OsStr;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -48,6 +48,16 @@ fn target(path: &Path) -> std::result::Result<PathBuf, Problem> {
     }
 }
 
+/// As much of a name as leaves room for more: file systems allow 255 bytes.
+fn beginning(name: &OsStr) -> String {
+    const MOST_BYTES: usize = 200;
+    let name = name.to_string_lossy();
+    name.char_indices()
+        .take_while(|(at, one)| at + one.len_utf8() <= MOST_BYTES)
+        .map(|(_, one)| one)
+        .collect()
+}
+
 /// A file that removes itself unless it is renamed.
 struct Temporary(Option<PathBuf>);
 
@@ -57,9 +67,7 @@ impl Temporary {
         let name = target.file_name().ok_or_else(|| Problem::Argument("is not the name of a file".into()))?;
         loop {
             let count = COUNTER.fetch_add(1, Ordering::Relaxed);
-            let mut hidden = OsString::from(".");
-            hidden.push(name);
-            hidden.push(format!(".{}-{count}.part", std::process::id()));
+            let hidden = format!(".{}.{}-{count}.part", beginning(name), std::process::id());
             let path = target.with_file_name(hidden);
             match OpenOptions::new().write(true).create_new(true).open(&path) {
                 Ok(file) => return Ok((Self(Some(path)), file)),

@@ -9,12 +9,18 @@ pub type Result<T> = std::result::Result<T, FileError>;
 
 /// A problem and the file that has it.
 #[derive(Debug, thiserror::Error)]
-#[error("{}: {problem}", path.display())]
+#[error("{}", printable(&format!("{}: {problem}", path.display())))]
 pub struct FileError {
     /// The file that was to be read or written.
     pub path: PathBuf,
     /// What is wrong with it.
     pub problem: Problem,
+}
+
+/// A text without control characters, such as colours and new lines, which a file may have put into it.
+fn printable(text: &str) -> String {
+    let shown = |one: char| if one.is_control() { one.escape_default().to_string() } else { one.to_string() };
+    text.chars().map(shown).collect()
 }
 
 /// The problem with a file, or with the data to be written to it.

@@ -6,6 +6,7 @@
 
 pub mod atomic;
 mod error;
+mod jpeg;
 mod kind;
 pub mod openexr;
 pub mod pfm;
@@ -29,7 +30,7 @@ pub fn read_raster(path: &Path) -> Result<Raster> {
     with_path(path, || {
         let raster = match kind {
             Kind::Png => photo::read(open(path)?, ImageFormat::Png),
-            Kind::Jpeg => photo::read(open(path)?, ImageFormat::Jpeg),
+            Kind::Jpeg => jpeg::read(open(path)?),
             Kind::WebP => photo::read(open(path)?, ImageFormat::WebP),
             Kind::Bmp => photo::read(open(path)?, ImageFormat::Bmp),
             Kind::Hdr => photo::read(open(path)?, ImageFormat::Hdr),

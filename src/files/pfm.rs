@@ -59,6 +59,11 @@ fn next_word(reader: &mut impl BufRead) -> std::result::Result<(String, usize), 
     for byte in reader.bytes() {
         let byte = byte?;
         read += 1;
+        if byte == b'\r' {
+            return Err(Problem::Damaged(
+                "its lines end in CR LF, as after a transfer as text, which changes the floats too".into(),
+            ));
+        }
         match (byte.is_ascii_whitespace(), word.is_empty()) {
             (true, true) => (),
             (true, false) => return Ok((word, read)),

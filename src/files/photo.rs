@@ -1,4 +1,4 @@
-//! Pictures in the common formats, read by the `image` crate: PNG, JPEG, WebP, BMP and Radiance HDR.
+//! Pictures in the common formats, read by the `image` crate: PNG, WebP, BMP and Radiance HDR.
 
 use super::error::Problem;
 use super::raster::{Alpha, Raster, Samples};
@@ -8,19 +8,21 @@ use image::{ColorType, DynamicImage, ImageDecoder, ImageError, ImageFormat, Imag
 
 const ACCEPTED: &str = "grey, grey with alpha, RGB and RGBA pictures, not turned or mirrored";
 
+/// The most that what is not pixels may take, beside the length of the file: more than any profile, and than a row.
+const BESIDE_PIXELS: u64 = 64 << 20;
+
 pub(super) fn read(source: Source, format: ImageFormat) -> Result<Raster, Problem> {
     let length = source.length;
     let mut reader = ImageReader::with_format(source.reader, format);
     // The decoders' own limits are meant for uploads; here the header's claim is checked against the length of the
-    // file.
-    reader.limits(Limits::no_limits());
+    // file. Everything that is not pixels, such as a colour profile, has this bound.
+    let mut limits = Limits::no_limits();
+    limits.max_alloc = Some(BESIDE_PIXELS.saturating_add(length));
+    reader.limits(limits);
     let mut decoder = reader.into_decoder()?;
     let refuse = |found: String| Problem::Unsupported { found, accepted: ACCEPTED };
     check_claim(u128::from(decoder.total_bytes()), length)?;
-    let orientation = decoder.orientation()?;
-    if orientation != Orientation::NoTransforms {
-        return Err(refuse(format!("a picture to be shown with orientation {}", orientation.to_exif())));
-    }
+    check_orientation(decoder.orientation()?)?;
 
     let (width, height) = decoder.dimensions();
     let (channels, alpha) = match decoder.color_type() {
@@ -44,6 +46,17 @@ pub(super) fn read(source: Source, format: ImageFormat) -> Result<Raster, Proble
         other => return Err(refuse(format!("{:?}", other.color()))),
     };
     Ok(Raster { width: width as usize, height: height as usize, channels, alpha, samples })
+}
+
+/// Refuses a picture that is stored turned or mirrored: its depth is not.
+pub(super) fn check_orientation(orientation: Orientation) -> Result<(), Problem> {
+    match orientation {
+        Orientation::NoTransforms => Ok(()),
+        turned => Err(Problem::Unsupported {
+            found: format!("a picture to be shown with orientation {}", turned.to_exif()),
+            accepted: ACCEPTED,
+        }),
+    }
 }
 
 impl From<ImageError> for Problem {

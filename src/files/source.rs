@@ -14,15 +14,22 @@ pub struct Source {
 
 /// Opens a regular file.
 pub(super) fn open(path: &Path) -> std::result::Result<Source, Problem> {
+    check_regular(path)?;
     let file = File::open(path)?;
-    let metadata = file.metadata()?;
-    if !metadata.is_file() && !metadata.is_dir() {
-        return Err(Problem::Unsupported {
-            found: "a pipe or a device".into(),
-            accepted: "regular files, because pictures are not read front to back",
-        });
+    let length = file.metadata()?.len();
+    Ok(Source { reader: BufReader::with_capacity(1 << 16, file), length })
+}
+
+/// Refuses pipes and devices before they are opened: to open a pipe is to wait for whoever writes into it.
+pub fn check_regular(path: &Path) -> std::result::Result<(), Problem> {
+    let kind = std::fs::metadata(path)?.file_type();
+    if kind.is_file() || kind.is_dir() {
+        return Ok(());
     }
-    Ok(Source { reader: BufReader::with_capacity(1 << 16, file), length: metadata.len() })
+    Err(Problem::Unsupported {
+        found: "a pipe or a device".into(),
+        accepted: "regular files, because they are not read front to back",
+    })
 }
 
 /// The number of bytes that any file may claim, however short it is: a flat picture compresses almost without limit.

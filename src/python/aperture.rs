@@ -1,7 +1,9 @@
 //! `dofsim.Aperture`.
 
+use super::argument;
 use super::lens::cameras::read_camera;
 use super::lens::hash_text;
+use super::samples::array;
 use crate::aperture::{Aperture, Picture};
 use crate::error::value_error;
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
@@ -99,14 +101,14 @@ impl Image {
     /// Reads an array, or the file of this path.
     fn read(given: &Bound<'_, PyAny>) -> PyResult<Image> {
         let read = given.py().import("dofsim._transmission")?.call_method1("read_transmission", (given,))?;
-        let array: PyReadonlyArray2<f64> = read.extract()?;
+        let array: PyReadonlyArray2<f64> = array("image", &read)?.extract()?;
         let array = array.as_array();
         Ok(Image { columns: array.ncols(), values: Arc::new(array.iter().copied().collect()) })
     }
 
     /// Distinguishes pictures of one size: in hashes, and in the records of a batch.
     fn fingerprint(&self) -> u64 {
-        let bytes: Vec<String> = self.values.iter().map(|v| format!("{:x}", v.to_bits())).collect();
+        let bytes: Vec<String> = self.values.iter().map(|v| format!("{:x}", (v + 0.0).to_bits())).collect();
         hash_text(&bytes.join(","))
     }
 
@@ -151,13 +153,13 @@ impl PyAperture {
         spherical=0.0, image=None))]
     #[expect(clippy::too_many_arguments, reason = "the public constructor's own, keyword-only in Python")]
     fn new(
-        blades: u32,
-        rotation: f64,
-        roundness: f64,
-        ratio: f64,
-        obstruction: f64,
-        apodization: Option<f64>,
-        spherical: f64,
+        #[pyo3(from_py_with = argument::blades)] blades: u32,
+        #[pyo3(from_py_with = argument::rotation)] rotation: f64,
+        #[pyo3(from_py_with = argument::roundness)] roundness: f64,
+        #[pyo3(from_py_with = argument::ratio)] ratio: f64,
+        #[pyo3(from_py_with = argument::obstruction)] obstruction: f64,
+        #[pyo3(from_py_with = argument::apodization)] apodization: Option<f64>,
+        #[pyo3(from_py_with = argument::spherical)] spherical: f64,
         image: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<PyAperture> {
         let parameters =

@@ -1,5 +1,6 @@
 //! `dofsim.coc`.
 
+use super::argument;
 use super::depth::{DepthArguments, read_depth, read_depth_kind, read_invalid};
 use super::lens::PyLens;
 use super::run::installed;
@@ -46,8 +47,8 @@ pub fn coc<'py>(
     depth: &Bound<'py, PyAny>,
     lens: &PyLens,
     depth_kind: &str,
-    near: Option<f64>,
-    far: Option<f64>,
+    #[pyo3(from_py_with = argument::near)] near: Option<f64>,
+    #[pyo3(from_py_with = argument::far)] far: Option<f64>,
     invalid: &str,
 ) -> PyResult<Bound<'py, PyAny>> {
     let kind = read_depth_kind(&DepthArguments { depth_kind, near, far }, &lens.core)?;

@@ -59,19 +59,18 @@ pub fn read_depth_arguments(arguments: &DepthArguments) -> PyResult<DepthKind> {
         ("inverse_z", DepthKind::InverseZ),
         ("disparity", DepthKind::Disparity),
         ("relative", DepthKind::Relative),
-        ("zbuffer", DepthKind::ZBuffer { near: 0.0, far: 0.0 }),
+        ("zbuffer", DepthKind::ZBuffer { near: 0.0, far: 0.0, first: 0.0 }),
+        ("opengl_ndc", DepthKind::ZBuffer { near: 0.0, far: 0.0, first: -1.0 }),
         ("distance_from_near", DepthKind::DistanceFromNear { near: 0.0 }),
     ];
     Ok(match choice("depth_kind", name, &names)? {
-        DepthKind::ZBuffer { .. } => {
+        DepthKind::ZBuffer { first, .. } => {
             let (near, far) =
                 (positive("near", arguments.near, name)?, positive("far", arguments.far, name)?);
-            if far <= near {
-                return Err(PyValueError::new_err(format!(
-                    "far must be greater than near ({near}); got {far}"
-                )));
+            if far == near {
+                return Err(PyValueError::new_err(format!("far must differ from near ({near}); got {far}")));
             }
-            DepthKind::ZBuffer { near, far }
+            DepthKind::ZBuffer { near, far, first }
         }
         DepthKind::DistanceFromNear { .. } => {
             DepthKind::DistanceFromNear { near: positive("near", arguments.near, name)? }
@@ -79,7 +78,7 @@ pub fn read_depth_arguments(arguments: &DepthArguments) -> PyResult<DepthKind> {
         kind => {
             if arguments.near.is_some() || arguments.far.is_some() {
                 return Err(PyValueError::new_err(format!(
-                    "near and far are for depth_kind=\"zbuffer\" and \"distance_from_near\"; got depth_kind={name:?}"
+                    "near and far are for depth_kind=\"zbuffer\", \"opengl_ndc\" and \"distance_from_near\"; got depth_kind={name:?}"
                 )));
             }
             kind
@@ -101,7 +100,7 @@ pub struct DepthPlanes {
 
 /// Reads raw depth, without interpreting it.
 pub fn read_depth(depth: &Bound<'_, PyAny>) -> PyResult<DepthPlanes> {
-    let array = array("depth", depth)?;
+    let array = &array("depth", depth)?;
     let sample_type = sample_type("depth", array, false)?;
     let shape = array.shape();
     let (layers, height, width) = match *shape {

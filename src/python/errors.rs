@@ -18,9 +18,14 @@ impl From<Error> for PyErr {
     }
 }
 
-/// The text of a value in an error message.
+/// The text of a value in an error message: as Python writes it, but no longer than a line.
 pub fn shown(value: &Bound<'_, PyAny>) -> String {
-    value.repr().map_or_else(|_| value.get_type().to_string(), |repr| repr.to_string())
+    const LONGEST: usize = 80;
+    let text = value.repr().map_or_else(|_| value.get_type().to_string(), |repr| repr.to_string());
+    match text.char_indices().nth(LONGEST) {
+        Some((end, _)) => format!("{}...", &text[..end]),
+        None => text,
+    }
 }
 
 /// The value of a name, which must be among those accepted.

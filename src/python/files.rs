@@ -1,5 +1,6 @@
 //! Bindings of [`crate::files`], only for `dofsim.io`: paths and contiguous arrays in, arrays out.
 
+use super::samples::viewable;
 use crate::color::{Sample, Transfer};
 use crate::files::{self, Alpha, FileError, Pixels, Problem, Samples, Shape, openexr};
 use half::f16;
@@ -76,7 +77,8 @@ impl<'py> FromPyObject<'_, 'py> for Contiguous<'py> {
     type Error = PyErr;
 
     fn extract(object: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
-        let array = object.cast::<PyUntypedArray>()?;
+        let object = viewable(&object.cast::<PyUntypedArray>()?.to_owned())?;
+        let array = &object;
         if !array.is_c_contiguous() || !(2..=3).contains(&array.ndim()) {
             return Err(PyTypeError::new_err("the array must be C-contiguous with 2 or 3 axes"));
         }

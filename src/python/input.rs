@@ -33,7 +33,7 @@ impl Input {
         alpha: Option<&str>,
         transfer: Option<&str>,
     ) -> PyResult<Input> {
-        let array = array("color", color)?;
+        let array = &array("color", color)?;
         let shape = color_shape(array.shape())?;
         let format = read_format(array, &shape, alpha, transfer)?;
         let planes = read_depth(depth)?;

@@ -1,6 +1,7 @@
 //! The methods by name, and their options.
 
 use super::aperture::PyAperture;
+use super::argument::{Argument, argument};
 use super::errors::{choice, shown};
 use crate::aperture::{Aperture, Feature};
 use crate::error::{Result, value_error};
@@ -74,7 +75,7 @@ fn refuse_features(method: &str, aperture: Option<&PyAperture>, accepted: &[Feat
 }
 
 fn read_lens(options: &mut Options) -> PyResult<Method> {
-    let views = options.value("views", "a whole number")?;
+    let views = options.value("views")?;
     if let Some(n) = views
         && !(16..=16_384).contains(&n)
     {
@@ -86,7 +87,7 @@ fn read_lens(options: &mut Options) -> PyResult<Method> {
 fn read_poisson(options: &mut Options) -> PyResult<Method> {
     let bokeh = options.word("bokeh", &poisson::Bokeh::NAMES)?;
     let pattern = match options.get("taps")? {
-        Some(taps) if taps.extract::<usize>().is_err() => {
+        Some(taps) if is_no_integer(&taps) => {
             if bokeh.is_some() || options.aperture() != Aperture::DISC {
                 return Err(value_error!(
                     "taps in an array have their own shape and weights: bokeh and aperture must not be given"
@@ -96,13 +97,17 @@ fn read_poisson(options: &mut Options) -> PyResult<Method> {
             poisson::Pattern::of(&read_points("taps", &taps)?)?
         }
         count => {
-            let count = count.map_or(Ok(poisson::TWELVE.len()), |count| count.extract())?;
+            let count = count.map_or(Ok(poisson::TWELVE.len()), |count| argument("taps", &count))?;
             poisson::Pattern::over(&options.aperture(), count, bokeh.unwrap_or(poisson::Bokeh::Uniform))?
         }
     };
-    let max_coc_px = options.value("max_coc_px", "a number")?.unwrap_or(poisson::Settings::MAX_COC_PX);
+    let max_coc_px = options.value("max_coc_px")?.unwrap_or(poisson::Settings::MAX_COC_PX);
     let leak_test = options.word("leak_test", &poisson::LeakTest::NAMES)?.unwrap_or(poisson::LeakTest::On);
     Ok(Method::Poisson(poisson::Settings::new(pattern, max_coc_px, leak_test)?))
+}
+
+fn is_no_integer(value: &Bound<'_, PyAny>) -> bool {
+    value.extract::<i64>().is_err_and(|error| error.is_instance_of::<PyTypeError>(value.py()))
 }
 
 /// An array of shape (N, 2) or (N, 3), or nested sequences of this form. A missing third column is 1.
@@ -126,25 +131,25 @@ fn read_points(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 3]>> 
 }
 
 fn read_gaussian(options: &mut Options) -> PyResult<Method> {
-    let focal_range = options.value("focal_range", "a number")?;
-    let max_coc_px = options.value("max_coc_px", "a number")?;
+    let focal_range = options.value("focal_range")?;
+    let max_coc_px = options.value("max_coc_px")?;
     Ok(Method::Gaussian(gaussian::Settings::new(focal_range, max_coc_px)?))
 }
 
 fn read_taps(options: &mut Options) -> PyResult<Method> {
     let variant = options.word("variant", &taps::Variant::NAMES)?.unwrap_or(taps::Variant::Thirteen);
-    let hyperfocal_factor = options.value("hyperfocal_factor", "a number")?;
+    let hyperfocal_factor = options.value("hyperfocal_factor")?;
     Ok(Method::Taps(taps::Settings::new(variant, hyperfocal_factor)?))
 }
 
 fn read_hexagonal(options: &mut Options) -> PyResult<Method> {
-    let max_coc_px = options.value("max_coc_px", "a number")?.unwrap_or(hexagonal::Settings::MAX_COC_PX);
+    let max_coc_px = options.value("max_coc_px")?.unwrap_or(hexagonal::Settings::MAX_COC_PX);
     let aperture = options.aperture.map(|a| &a.core);
     Ok(Method::Hexagonal(hexagonal::Settings::new(aperture, max_coc_px)?))
 }
 
 fn read_levels(options: &mut Options) -> PyResult<Method> {
-    Ok(Method::Levels(levels::Settings::new(options.value("c0_px", "a number")?)?))
+    Ok(Method::Levels(levels::Settings::new(options.value("c0_px")?)?))
 }
 
 fn read_sprites(options: &mut Options) -> PyResult<Method> {
@@ -157,9 +162,8 @@ fn read_sprites(options: &mut Options) -> PyResult<Method> {
         }
         Some((width, values)) => sprites::Shape::Texture(sprites::Texture::new(width, values)?),
     };
-    let threshold_px =
-        options.value("coc_threshold_px", "a number")?.unwrap_or(sprites::Settings::THRESHOLD_PX);
-    let max_coc_px = options.value("max_coc_px", "a number")?.unwrap_or(sprites::Settings::MAX_COC_PX);
+    let threshold_px = options.value("coc_threshold_px")?.unwrap_or(sprites::Settings::THRESHOLD_PX);
+    let max_coc_px = options.value("max_coc_px")?.unwrap_or(sprites::Settings::MAX_COC_PX);
     Ok(Method::Sprites(sprites::Settings::new(shape, threshold_px, max_coc_px)?))
 }
 
@@ -178,20 +182,14 @@ impl<'py> Options<'_, 'py> {
         Ok(value.filter(|value| !value.is_none()))
     }
 
-    /// An option of one type; `what` names the type in errors.
-    fn value<T: for<'a> FromPyObject<'a, 'py>>(
-        &mut self,
-        name: &'static str,
-        what: &str,
-    ) -> PyResult<Option<T>> {
-        let Some(value) = self.get(name)? else { return Ok(None) };
-        let wrong = |_| PyTypeError::new_err(format!("{name} must be {what}; got {}", shown(&value)));
-        value.extract().map(Some).map_err(wrong)
+    /// An option of one type.
+    fn value<T: Argument>(&mut self, name: &'static str) -> PyResult<Option<T>> {
+        self.get(name)?.map(|value| argument(name, &value)).transpose()
     }
 
     /// An option with one of the accepted names.
     fn word<T: Copy>(&mut self, name: &'static str, accepted: &[(&str, T)]) -> PyResult<Option<T>> {
-        let word: Option<String> = self.value(name, "a word")?;
+        let word: Option<String> = self.value(name)?;
         word.map(|word| choice(name, &word, accepted)).transpose()
     }
 
@@ -204,6 +202,7 @@ impl<'py> Options<'_, 'py> {
         };
         let numpy = value.py().import("numpy")?;
         let array = numpy.call_method1("asarray", (&value, "float64")).map_err(refused)?;
+        let array = super::samples::array(name, &array)?;
         let array: PyReadonlyArray2<f64> = array.extract().map_err(|e: PyErr| refused(e))?;
         let array = array.as_array();
         Ok(Some((array.ncols(), array.iter().copied().collect())))

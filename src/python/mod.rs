@@ -1,6 +1,7 @@
 //! The Python module: arguments are read and checked here, once, and become the core's types.
 
 mod aperture;
+mod argument;
 mod blur;
 mod coc;
 mod color;

@@ -2,7 +2,7 @@
 
 use super::color::{Alpha, ColorFormat};
 use super::run::{detached, simd};
-use super::samples::{SampleType, array, with_sample_type};
+use super::samples::{SampleType, given, with_sample_type};
 use crate::cancel::Cancel;
 use crate::color::{Sample, Transfer};
 use crate::error::Result;
@@ -74,11 +74,11 @@ impl Output<'_> {
 
     /// The caller's array, if the pictures can be written into it.
     fn checked<'py, T: Element>(&self, out: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
-        let untyped: &Bound<'py, PyUntypedArray> = array("out", out)?;
-        let (given, expected) = (untyped.dtype(), dtype::<T>(out.py()));
-        if !given.is_equiv_to(&expected) {
+        let untyped: &Bound<'py, PyUntypedArray> = given("out", out)?;
+        let (dtype, expected) = (untyped.dtype(), dtype::<T>(out.py()));
+        if !dtype.is_equiv_to(&expected) {
             return Err(PyTypeError::new_err(format!(
-                "out must have the dtype of color, {expected}; got {given}"
+                "out must have the dtype of color, {expected}; got {dtype}"
             )));
         }
         if untyped.shape() != self.shape() {
@@ -88,8 +88,10 @@ impl Output<'_> {
                 untyped.shape()
             )));
         }
-        if !untyped.is_c_contiguous() {
-            return Err(PyValueError::new_err("out must be C-contiguous; numpy.empty makes such an array"));
+        if !untyped.is_c_contiguous() || !untyped.is_aligned() {
+            return Err(PyValueError::new_err(
+                "out must be C-contiguous and aligned; numpy.empty makes such an array",
+            ));
         }
         Ok(out.cast::<PyArrayDyn<T>>()?.clone())
     }

@@ -28,7 +28,7 @@ impl OutputGrid {
             )));
         }
         let smaller = size.width.min(size.height) / supersample;
-        if 2 * overscan >= smaller {
+        if overscan.saturating_mul(2) >= smaller {
             return Err(PyValueError::new_err(format!(
                 "overscan must leave a picture: twice {overscan} is not less than {smaller} pixels"
             )));

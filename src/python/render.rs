@@ -1,6 +1,7 @@
 //! `dofsim.render`.
 
 use super::aperture::PyAperture;
+use super::argument;
 use super::lens::PyLens;
 use super::methods::read_method;
 use super::scene::PyScene;
@@ -31,10 +32,11 @@ use pyo3::types::PyDict;
 ///     ``"z"`` (planar, metres, default), ``"distance"`` (from the pinhole along the ray, metres),
 ///     ``"inverse_z"`` (1/m), ``"disparity"`` (relative; needs `Lens.from_disparity`), ``"relative"`` (the same of any
 ///     scale, brought to 0 (far) to 1 (near) robustly first: those are its 1st and 99th percentile),
-///     ``"zbuffer"`` (0 to 1 between `near` and `far`) or ``"distance_from_near"`` (Mitsuba's depth AOV: along the
-///     ray from the near plane, 0 where nothing is hit).
+///     ``"zbuffer"`` (0 at `near` to 1 at `far`), ``"opengl_ndc"`` (the same from -1 to 1) or ``"distance_from_near"``
+///     (Mitsuba's depth AOV: along the ray from the near plane, 0 where nothing is hit).
 /// near, far : float, optional
-///     Clip planes in metres, for the kinds that need them.
+///     Clip planes in metres, for the kinds that need them. A reversed z-buffer is 0 at the farther plane: give that one
+///     as `near`. Either may be infinite.
 /// invalid : {"raise", "far"}, optional
 ///     What to do with depth that is none (NaN, negative, zero).
 /// alpha : {"premultiplied", "straight", "none"}, optional
@@ -155,14 +157,14 @@ pub fn render<'py>(
     device: &str,
     aperture: Option<&PyAperture>,
     depth_kind: &str,
-    near: Option<f64>,
-    far: Option<f64>,
+    #[pyo3(from_py_with = argument::near)] near: Option<f64>,
+    #[pyo3(from_py_with = argument::far)] far: Option<f64>,
     invalid: &str,
     alpha: Option<&str>,
     transfer: Option<&str>,
-    overscan: usize,
-    supersample: usize,
-    threads: Option<usize>,
+    #[pyo3(from_py_with = argument::overscan)] overscan: usize,
+    #[pyo3(from_py_with = argument::supersample)] supersample: usize,
+    #[pyo3(from_py_with = argument::threads)] threads: Option<usize>,
     out: Option<&Bound<'py, PyAny>>,
     options: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyAny>> {

@@ -52,12 +52,32 @@ macro_rules! with_sample_type {
 }
 pub(super) use with_sample_type;
 
-/// The caller's array for the argument `name`.
-pub fn array<'a, 'py>(name: &str, value: &'a Bound<'py, PyAny>) -> PyResult<&'a Bound<'py, PyUntypedArray>> {
+/// The caller's array for the argument `name`, as it is.
+pub fn given<'a, 'py>(name: &str, value: &'a Bound<'py, PyAny>) -> PyResult<&'a Bound<'py, PyUntypedArray>> {
     value.cast::<PyUntypedArray>().map_err(|_| {
         let kind = value.get_type();
         PyTypeError::new_err(format!("{name} must be a NumPy array; got {kind}"))
     })
+}
+
+/// The array that a caller gave for the argument `name`, in a layout that can be viewed.
+pub fn array<'py>(name: &str, value: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyUntypedArray>> {
+    viewable(given(name, value)?)
+}
+
+/// The array itself if its elements can be viewed where they are, else a copy in row-major order.
+///
+/// A view counts strides in whole elements, at addresses that suit the type, in the byte order of this machine. The
+/// fields of packed records have strides in bytes, and buffers may begin anywhere.
+pub fn viewable<'py>(array: &Bound<'py, PyUntypedArray>) -> PyResult<Bound<'py, PyUntypedArray>> {
+    let dtype = array.dtype();
+    let size = dtype.itemsize().max(1) as isize;
+    let native = dtype.is_native_byteorder() != Some(false);
+    if native && array.is_aligned() && array.strides().iter().all(|stride| stride % size == 0) {
+        return Ok(array.clone());
+    }
+    let native = dtype.call_method1("newbyteorder", ("=",))?;
+    Ok(array.call_method1("astype", (native, "C"))?.cast_into::<PyUntypedArray>()?)
 }
 
 /// The sample type of an array; `integers` says whether integers are accepted.
@@ -77,7 +97,7 @@ pub fn sample_type(name: &str, array: &Bound<'_, PyUntypedArray>, integers: bool
         } else {
             "float16, float32 or float64"
         };
-        PyTypeError::new_err(format!("{name} must have dtype {accepted} in native byte order; got {given}"))
+        PyTypeError::new_err(format!("{name} must have dtype {accepted}; got {given}"))
     })
 }
 

@@ -1,6 +1,7 @@
 //! `dofsim.Scene`.
 
 use super::aperture::PyAperture;
+use super::argument::{self, argument};
 use super::color::ColorFormat;
 use super::depth::{DepthArguments, read_depth_arguments, read_depth_kind, read_invalid};
 use super::devices::read_device;
@@ -139,13 +140,13 @@ impl PyScene {
         depth: &Bound<'_, PyAny>,
         device: &str,
         depth_kind: &str,
-        near: Option<f64>,
-        far: Option<f64>,
+        #[pyo3(from_py_with = argument::near)] near: Option<f64>,
+        #[pyo3(from_py_with = argument::far)] far: Option<f64>,
         invalid: &str,
         alpha: Option<&str>,
         transfer: Option<&str>,
-        overscan: usize,
-        supersample: usize,
+        #[pyo3(from_py_with = argument::overscan)] overscan: usize,
+        #[pyo3(from_py_with = argument::supersample)] supersample: usize,
     ) -> PyResult<PyScene> {
         let device = read_device(color.py(), device)?;
         let kind = read_depth_arguments(&DepthArguments { depth_kind, near, far })?;
@@ -182,7 +183,7 @@ impl PyScene {
         lens: &PyLens,
         method: &str,
         aperture: Option<&PyAperture>,
-        threads: Option<usize>,
+        #[pyo3(from_py_with = argument::threads)] threads: Option<usize>,
         out: Option<&Bound<'py, PyAny>>,
         options: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<Bound<'py, PyAny>> {
@@ -221,15 +222,16 @@ impl PyScene {
         distances: &Bound<'py, PyAny>,
         method: &str,
         aperture: Option<&PyAperture>,
-        threads: Option<usize>,
+        #[pyo3(from_py_with = argument::threads)] threads: Option<usize>,
         out: Option<&Bound<'py, PyAny>>,
         options: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let method = read_method(method, aperture, options)?;
         let distances: Vec<f64> = distances
             .try_iter()
-            .and_then(|all| all.map(|d| d?.extract()).collect())
-            .map_err(|_| PyTypeError::new_err("distances must be a sequence of numbers"))?;
+            .map_err(|_| PyTypeError::new_err("distances must be a sequence of numbers"))?
+            .map(|distance| argument("each of distances", &distance?))
+            .collect::<PyResult<_>>()?;
         if distances.is_empty() {
             return Err(PyValueError::new_err("distances must hold at least one distance"));
         }
@@ -270,7 +272,7 @@ impl PyScene {
         lens: &PyLens,
         method: &str,
         aperture: Option<&PyAperture>,
-        threads: Option<usize>,
+        #[pyo3(from_py_with = argument::threads)] threads: Option<usize>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Vec<(&'static str, f64)>> {
         let method = read_method(method, aperture, options)?;

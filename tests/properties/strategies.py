@@ -14,8 +14,22 @@ INTEGERS = [np.uint8, np.uint16]
 
 
 def in_memory(array, layout):
-    """Give the same values another layout in memory."""
+    """Give the same values another layout in memory; a broadcast array repeats its first row."""
     match layout:
+        case "record":
+            # A packed record: its fields have strides that are no multiples of their own size.
+            packed = np.zeros(array.shape[:2], [("tag", "u1"), ("value", array.dtype, array.shape[2:])])
+            packed["value"] = array
+            return packed["value"]
+        case "unaligned":
+            start = np.empty(array.nbytes + 1, np.uint8)[1:]
+            moved = start.view(array.dtype).reshape(array.shape)
+            moved[...] = array
+            return moved
+        case "swapped":
+            return array.astype(array.dtype.newbyteorder())
+        case "broadcast":
+            return np.broadcast_to(array[:1], array.shape)
         case "fortran":
             return np.asfortranarray(array)
         case "strided":
@@ -31,7 +45,9 @@ def in_memory(array, layout):
     return np.ascontiguousarray(array)
 
 
-LAYOUTS = st.sampled_from(["plain", "fortran", "strided", "reversed", "read-only"])
+LAYOUTS = st.sampled_from(
+    ["plain", "fortran", "strided", "reversed", "read-only", "record", "unaligned", "swapped", "broadcast"]
+)
 
 
 @st.composite

@@ -25,7 +25,7 @@ def test_every_call_gives_a_finite_picture_or_says_why_not(call: Call):
     np.testing.assert_array_equal(call.color, color)
     np.testing.assert_array_equal(call.depth, depth)
     if out is not None:
-        assert out.dtype == color.dtype
+        assert out.dtype == color.dtype.newbyteorder("=")
         assert np.isfinite(out).all()
         scale, margin = call.options["supersample"], call.options["overscan"]
         expected = tuple(n // scale - 2 * margin for n in color.shape[:2]) + color.shape[2:]
@@ -103,6 +103,22 @@ def test_nothing_beside_out_is_written(call: Call):
     call.render(out=around[1:-1])
     assert (around[[0, -1]] == -7).all()
     np.testing.assert_array_equal(around[1:-1], call.render())
+
+
+@given(plain_calls())
+def test_the_layout_in_memory_changes_no_bit(call: Call):
+    color, depth = (np.array(array, np.float32, order="C") for array in (call.color, call.depth))
+    np.testing.assert_array_equal(call.render(), call.render(color=color, depth=depth))
+
+
+@given(plain_calls(), st.integers(0, 80))
+def test_out_may_overlap_the_picture(call: Call, offset):
+    expected = call.render()
+    memory = np.zeros(call.color.size + offset, np.float32)
+    color, out = (memory[first:][: call.color.size].reshape(call.color.shape) for first in (0, offset))
+    color[...] = call.color
+    call.render(color=color, out=out)
+    np.testing.assert_array_equal(out, expected)
 
 
 @given(shapes().flatmap(lambda shape: depths(shape)), lenses(plain=True), st.floats(1, 10))

@@ -12,7 +12,7 @@ from pathlib import Path, PurePath
 from typing import Any, Literal, TextIO
 
 from dofsim import _options
-from dofsim._arrays import StrPath
+from dofsim._files import StrPath, check_regular
 
 _LENS_WORDS = {*_options.THIN_WORDS, *_options.CAMERA_WORDS, *_options.RELATIVE_WORDS}
 _WORDS = {"color", "depth", "output", "focus_at", *_LENS_WORDS}
@@ -80,6 +80,7 @@ def read_manifest(path: StrPath) -> list[Row]:
     readers = {".csv": _csv_rows, ".jsonl": _json_rows}
     if path.suffix.lower() not in readers:
         raise ValueError(f"{path}: a manifest is a .csv or a .jsonl file")
+    check_regular(path)
     with path.open(encoding="utf-8-sig", newline="") as file:
         try:
             rows = list(readers[path.suffix.lower()](file, path))
@@ -115,8 +116,10 @@ def _located(path: Path, line: Callable[[], int]) -> Iterator[None]:
         yield
     except UnicodeDecodeError:
         raise
-    except (ValueError, TypeError, csv.Error) as error:
+    except (ValueError, TypeError, OverflowError, csv.Error) as error:
         raise ValueError(f"{path}, line {line()}: {error}") from error
+    except RecursionError as error:
+        raise ValueError(f"{path}, line {line()}: it is nested too deeply") from error
 
 
 def _row(folder: Path, words: Any) -> Row:

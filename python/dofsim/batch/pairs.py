@@ -7,9 +7,10 @@ import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
+from itertools import dropwhile, takewhile
+from pathlib import Path, PurePath
 
-from dofsim._arrays import StrPath
+from dofsim._files import StrPath
 from dofsim.io import READABLE_SUFFIXES
 
 # Words that tell the picture and the depth of one frame apart.
@@ -52,8 +53,7 @@ def pair_files(color: StrPath, depth: StrPath | None = None, *, exclude: StrPath
     depth : str or path-like, optional
         The same for the depth; without it each file holds picture and depth.
     exclude : str or path-like, optional
-        A folder that is not searched, such as that of the results, unless it is ``color`` or ``depth``
-        itself.
+        A folder below those given that is not searched, such as that of the results.
 
     Returns
     -------
@@ -100,9 +100,10 @@ def pair_files(color: StrPath, depth: StrPath | None = None, *, exclude: StrPath
 def _named(where: StrPath, exclude: StrPath | None) -> dict[str, Path]:
     """Find the files of a folder or a pattern, by their names in their frames, in the order of these."""
     found: dict[str, Path] = {}
-    out = None if exclude is None or os.fspath(exclude) == os.fspath(where) else Path(exclude).resolve()
+    out = None if exclude is None else Path(exclude).resolve()
+    base = _base(os.fspath(where)).resolve()
     for path, relative in _listed(os.fspath(where)):
-        if out is not None and path.resolve().is_relative_to(out):
+        if out is not None and _is_below(out, base) and path.resolve().is_relative_to(out):
             continue
         stem = relative.stem
         stem = _TRAILING.sub("", stem) if _TRAILING.search(stem) else _LEADING.sub("", stem)
@@ -113,21 +114,64 @@ def _named(where: StrPath, exclude: StrPath | None) -> dict[str, Path]:
     return dict(sorted(found.items()))
 
 
+def would_find(where: StrPath, path: Path, *, exclude: StrPath) -> bool:
+    """Tell whether a search as of `pair_files` comes upon a file, once it is there.
+
+    Parameters
+    ----------
+    where : str or path-like
+        A folder, a pattern or a file.
+    path : Path
+        The file.
+    exclude : str or path-like
+        A folder below it that is not searched.
+
+    Returns
+    -------
+    bool
+        Whether it does.
+    """
+    name = os.fspath(where)
+    base = _base(name).resolve()
+    file = path.resolve()
+    if Path(name).is_file() or _is_below(Path(exclude).resolve(), base) or not _is_below(file, base):
+        return False
+    if Path(name).is_dir():
+        return file.suffix.lower() in READABLE_SUFFIXES
+    return PurePath(file.relative_to(base)).match(_wild_part(name))
+
+
+def _is_below(path: Path, folder: Path) -> bool:
+    return path != folder and path.is_relative_to(folder)
+
+
+def _is_pattern(where: str) -> bool:
+    return glob.has_magic(where) and not Path(where).exists()
+
+
+def _base(where: str) -> Path:
+    """Find the folder where a search begins."""
+    if _is_pattern(where):
+        return Path(*takewhile(lambda part: not glob.has_magic(part), Path(where).parts))
+    return Path(where).parent if Path(where).is_file() else Path(where)
+
+
+def _wild_part(where: str) -> str:
+    """Give a pattern from its first wildcard on."""
+    return str(Path(*dropwhile(lambda part: not glob.has_magic(part), Path(where).parts)))
+
+
 def _listed(where: str) -> Iterator[tuple[Path, Path]]:
     """Yield the visible files, each as it is and from where its name begins."""
-    if not glob.has_magic(where) or Path(where).exists():
-        base = Path(where)
+    base = _base(where)
+    if not _is_pattern(where):
         # A missing folder raises here, as does anything that cannot be looked at.
-        base.stat()
-        paths = [base]
-        if not base.is_file():
+        Path(where).stat()
+        paths = [Path(where)]
+        if not Path(where).is_file():
             paths = [path for path in base.rglob("*") if path.suffix.lower() in READABLE_SUFFIXES]
-        base = base.parent if base.is_file() else base
     else:
-        parts = Path(where).parts
-        fixed = next(index for index, part in enumerate(parts) if glob.has_magic(part))
-        base = Path(*parts[:fixed])
-        paths = list(base.glob(str(Path(*parts[fixed:]))))
+        paths = list(base.glob(_wild_part(where)))
     for path in sorted(paths):
         relative = path.relative_to(base)
         if path.is_file() and not any(part.startswith(".") for part in relative.parts):

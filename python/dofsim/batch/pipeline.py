@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import os
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from collections.abc import Callable, Collection, Iterable, Iterator
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 
 from . import work
 from .frames import Frame, Result
+from .workers import Processes
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -58,12 +59,14 @@ def map_frames(
     Raises
     ------
     ValueError
-        If a frame has the output of an earlier one, or if `in_flight` is not positive.
+        If a frame would write over the output of an earlier one or over what another reads, or if
+        `in_flight` is not positive. Frames that come one by one from an iterator are checked as they come.
     OSError
         If the disk is full; the error names the output that could not be written. Other errors of a frame are
         its result's.
     concurrent.futures.BrokenExecutor
-        If a worker of the executor died.
+        If a worker of the executor died. Those of `dofsim batch` are replaced, and the frame that killed
+        one has failed.
 
     Examples
     --------
@@ -85,7 +88,10 @@ def map_frames(
         results = _overlapped(checked, resume)
     else:
         task: Callable[[Frame], Result] = partial(work.run, resume=resume)
-        results = _in_order(executor, task, checked, in_flight)
+        if isinstance(executor, Processes):
+            results = _surviving(executor, task, checked, in_flight)
+        else:
+            results = _in_order(executor, task, checked, in_flight)
     return _recorded(results, None if failures is None else Path(failures))
 
 
@@ -113,13 +119,68 @@ def _in_order(executor: Executor, function: Callable[[S], T], items: Iterator[S]
             future.cancel()
 
 
+def _surviving(
+    processes: Processes, task: Callable[[Frame], Result], frames: Iterator[Frame], ahead: int
+) -> Iterator[Result]:
+    """Do as `_in_order` does, and where a process dies find the frame that killed it, and go on."""
+    begun: deque[tuple[Frame, Future[Result]]] = deque()
+    try:
+        begun.extend((frame, processes.submit(task, frame)) for frame in islice(frames, ahead))
+        while begun:
+            frame, future = begun.popleft()
+            try:
+                result = future.result()
+            except BrokenExecutor:
+                # Whichever of those under way it was, it does it again alone.
+                suspects = [frame, *(frame for frame, _ in begun)]
+                begun.clear()
+                processes.renew()
+                for suspect in suspects:
+                    yield _alone(processes, task, suspect)
+                begun.extend((frame, processes.submit(task, frame)) for frame in islice(frames, ahead))
+            else:
+                yield result
+                begun.extend((frame, processes.submit(task, frame)) for frame in islice(frames, 1))
+    finally:
+        for _, future in begun:
+            future.cancel()
+
+
+def _alone(processes: Processes, task: Callable[[Frame], Result], frame: Frame) -> Result:
+    try:
+        return processes.submit(task, frame).result()
+    except BrokenExecutor:
+        processes.renew()
+        error = "the process that computed it was killed, as happens when memory runs out"
+        return Result(frame=frame, status="failed", error=error)
+
+
 def distinct(frames: Iterable[Frame]) -> Iterator[Frame]:
-    """Pass frames on, and refuse one that would write over another."""
-    taken: set[Path] = set()
+    """Pass frames on, and refuse one that would write over another, or over what a frame reads.
+
+    However their paths are spelt, files are known by where they are. All frames of a collection are looked at
+    before the first is passed on; those of an iterator as they come.
+    """
+    if isinstance(frames, Collection):
+        deque(_distinct(frames), maxlen=0)
+        return iter(frames)
+    return _distinct(frames)
+
+
+def _distinct(frames: Iterable[Frame]) -> Iterator[Frame]:
+    written: set[Path] = set()
+    read: dict[Path, Path] = {}
     for frame in frames:
-        if not taken.isdisjoint(paths := {frame.record, *frame.files.values()}):
+        outputs = {path.resolve() for path in (frame.record, *frame.files.values())}
+        if not written.isdisjoint(outputs):
             raise ValueError(f"{frame.output}: an earlier frame has the same output")
-        taken |= paths
+        inputs = {path.resolve(): path for path in (frame.color, frame.depth) if path is not None}
+        # A frame that would overwrite its own input fails alone.
+        both = [inputs[path] for path in inputs if path in written]
+        if both := both + [read[path] for path in outputs if path in read]:
+            raise ValueError(f"{both[0]}: is one of the inputs, which are not overwritten")
+        written |= outputs
+        read |= inputs
         yield frame
 
 

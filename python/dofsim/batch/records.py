@@ -51,7 +51,7 @@ def is_done(frame: Frame, mark: str) -> bool:
             record["fingerprint"] == mark
             and record["sizes"] == {path.name: path.stat().st_size for path in frame.files.values()}
         )
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         # A record that is not there or not one of ours says nothing.
         return False
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import errno
 import random
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -36,6 +36,7 @@ class Loaded:
     fingerprint: str
     image: io.Image
     depth: NDArray[np.float32]
+    channels: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -118,6 +119,7 @@ def _read(frame: Frame, resume: bool) -> Loaded | Result:
         fingerprint=mark,
         image=replace(image, alpha=alpha) if alpha else image,
         depth=rgbd.depth,
+        channels={"color_channels": rgbd.color_channels, "depth_channel": rgbd.depth_channel},
     )
 
 
@@ -141,7 +143,7 @@ def render(loaded: Loaded) -> Rendered:
     """
     frame, image, depth = loaded.frame, loaded.image, loaded.depth
     kind = {name: frame.options[name] for name in _DEPTH_WORDS if name in frame.options}
-    found: dict[str, Any] = {}
+    found = dict(loaded.channels)
     words = dict(frame.lens)
     if frame.focus_at is not None:
         pixel = _any_pixel(words, depth, frame, kind) if frame.focus_at == "random" else frame.focus_at

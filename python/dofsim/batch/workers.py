@@ -6,12 +6,15 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 # How often a frame is tried again on another machine; its own faults are results and not tried again.
 _RETRIES = 3
@@ -20,8 +23,40 @@ _GPU = "GPU"
 _TIMEOUT_S = 10
 
 
+class Processes(Executor):
+    """A pool of processes for `map_frames` that can be made anew when one of them was killed.
+
+    Parameters
+    ----------
+    workers : int
+        Number of processes.
+    """
+
+    def __init__(self, workers: int) -> None:
+        self._workers = workers
+        self._pool = process_pool(workers)
+
+    def submit(self, function: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
+        """Run a function in a process; that none is left to do so is an error of its result."""
+        try:
+            return self._pool.submit(function, *args, **kwargs)
+        except BrokenExecutor as error:
+            future: Future[T] = Future()
+            future.set_exception(error)
+            return future
+
+    def renew(self) -> None:
+        """Take other processes in the place of those there were."""
+        self._pool.shutdown(cancel_futures=True)
+        self._pool = process_pool(self._workers)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End the processes; see `concurrent.futures.Executor`."""
+        self._pool.shutdown(wait, cancel_futures=cancel_futures)
+
+
 def process_pool(workers: int) -> ProcessPoolExecutor:
-    """Make a pool of processes for `map_frames`.
+    """Make a pool of processes.
 
     They leave Ctrl-C to this process, which then waits for the frames under way, and end when it is killed.
 

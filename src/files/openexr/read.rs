@@ -191,7 +191,7 @@ impl Layout {
                 let index = list
                     .iter()
                     .position(|channel| text(&channel.name) == *name)
-                    .ok_or_else(|| Problem::Argument(format!("there is no channel {name}")))?;
+                    .ok_or_else(|| Problem::Argument(format!("there is no channel {name:?}")))?;
                 let before = list[..index].iter().map(|c| c.sample_type.bytes_per_sample()).sum();
                 Ok((before, list[index].sample_type))
             })

@@ -1,5 +1,6 @@
 //! Lenses from real cameras and from the cameras of other programs, and the properties of cameras in millimetres.
 
+use super::super::argument;
 use super::super::errors::choice;
 use super::PyLens;
 use crate::error::value_error;
@@ -85,10 +86,10 @@ impl PyLens {
     #[pyo3(signature = (*, focal_length_mm, f_number, focus_distance, sensor_width_mm=None, sensor=None,
         breathing=false))]
     fn from_camera(
-        focal_length_mm: f64,
-        f_number: f64,
-        focus_distance: f64,
-        sensor_width_mm: Option<f64>,
+        #[pyo3(from_py_with = argument::focal_length_mm)] focal_length_mm: f64,
+        #[pyo3(from_py_with = argument::f_number)] f_number: f64,
+        #[pyo3(from_py_with = argument::focus_distance)] focus_distance: f64,
+        #[pyo3(from_py_with = argument::sensor_width_mm)] sensor_width_mm: Option<f64>,
         sensor: Option<&str>,
         breathing: bool,
     ) -> PyResult<PyLens> {
@@ -136,13 +137,13 @@ impl PyLens {
     #[staticmethod]
     #[pyo3(signature = (*, fx, width, aperture_radius, focus_distance, cx=None, cy=None, height=None))]
     fn from_colmap(
-        fx: f64,
-        width: usize,
-        aperture_radius: f64,
-        focus_distance: f64,
-        cx: Option<f64>,
-        cy: Option<f64>,
-        height: Option<usize>,
+        #[pyo3(from_py_with = argument::fx)] fx: f64,
+        #[pyo3(from_py_with = argument::width)] width: usize,
+        #[pyo3(from_py_with = argument::aperture_radius)] aperture_radius: f64,
+        #[pyo3(from_py_with = argument::focus_distance)] focus_distance: f64,
+        #[pyo3(from_py_with = argument::cx)] cx: Option<f64>,
+        #[pyo3(from_py_with = argument::cy)] cy: Option<f64>,
+        #[pyo3(from_py_with = argument::height)] height: Option<usize>,
     ) -> PyResult<PyLens> {
         if !(fx.is_finite() && fx > 0.0) {
             return Err(value_error!("fx must be a focal length in pixels greater than 0; got {fx}").into());
@@ -280,7 +281,7 @@ impl PyLens {
     /// >>> lens = dofsim.Lens.from_camera(focal_length_mm=50, f_number=2.0, focus_distance=2.0)
     /// >>> round(lens.coc_diameter_mm(float("inf")), 4)
     /// 0.641
-    fn coc_diameter_mm(&self, z: f64) -> PyResult<f64> {
+    fn coc_diameter_mm(&self, #[pyo3(from_py_with = argument::z)] z: f64) -> PyResult<f64> {
         Ok(self.core.coc_diameter_mm(z)?)
     }
 
@@ -308,7 +309,10 @@ impl PyLens {
     /// >>> lens = dofsim.Lens.from_camera(focal_length_mm=50, f_number=8, focus_distance=3.0)
     /// >>> round(lens.hyperfocal_distance(0.03), 3)
     /// 10.467
-    fn hyperfocal_distance(&self, coc_limit_mm: f64) -> PyResult<f64> {
+    fn hyperfocal_distance(
+        &self,
+        #[pyo3(from_py_with = argument::coc_limit_mm)] coc_limit_mm: f64,
+    ) -> PyResult<f64> {
         Ok(self.core.hyperfocal_distance(coc_limit_mm)?)
     }
 
@@ -336,7 +340,10 @@ impl PyLens {
     /// >>> near, far = lens.depth_of_field(0.03)
     /// >>> round(near, 3), round(far, 3)
     /// (2.338, 4.185)
-    fn depth_of_field(&self, coc_limit_mm: f64) -> PyResult<(f64, f64)> {
+    fn depth_of_field(
+        &self,
+        #[pyo3(from_py_with = argument::coc_limit_mm)] coc_limit_mm: f64,
+    ) -> PyResult<(f64, f64)> {
         Ok(self.core.depth_of_field(coc_limit_mm)?)
     }
 }

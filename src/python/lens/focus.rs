@@ -1,5 +1,6 @@
 //! The focus of a lens: on pixels, on the nearest surface, on a mask, on a plane.
 
+use super::super::argument;
 use super::super::depth::{DepthArguments, SeenDepth, read_seen_depth};
 use super::PyLens;
 use crate::error::{Result, value_error};
@@ -42,8 +43,8 @@ pub fn focusable_pixels<'py>(
     lens: &PyLens,
     depth: &Bound<'py, PyAny>,
     depth_kind: &str,
-    near: Option<f64>,
-    far: Option<f64>,
+    #[pyo3(from_py_with = argument::near)] near: Option<f64>,
+    #[pyo3(from_py_with = argument::far)] far: Option<f64>,
 ) -> PyResult<Bound<'py, PyArray1<i64>>> {
     let seen = read_seen_depth(depth, &DepthArguments { depth_kind, near, far }, &lens.core)?;
     let relative = matches!(lens.core.base, Base::Relative { .. });
@@ -113,17 +114,18 @@ impl PyLens {
     fn focused_at(
         &self,
         depth: &Bound<'_, PyAny>,
-        x: isize,
-        y: isize,
-        radius_px: usize,
+        #[pyo3(from_py_with = argument::x)] x: isize,
+        #[pyo3(from_py_with = argument::y)] y: isize,
+        #[pyo3(from_py_with = argument::radius_px)] radius_px: usize,
         depth_kind: &str,
-        near: Option<f64>,
-        far: Option<f64>,
+        #[pyo3(from_py_with = argument::near)] near: Option<f64>,
+        #[pyo3(from_py_with = argument::far)] far: Option<f64>,
     ) -> PyResult<PyLens> {
         let seen = read_seen_depth(depth, &DepthArguments { depth_kind, near, far }, &self.core)?;
         let (x, y) = pixel(x, y, &seen)?;
-        let around =
-            |v: usize, n: usize| v.saturating_sub(radius_px)..(v.saturating_add(radius_px + 1)).min(n);
+        let around = |v: usize, n: usize| {
+            v.saturating_sub(radius_px)..v.saturating_add(radius_px).saturating_add(1).min(n)
+        };
         let pixels = around(y, seen.height).flat_map(|y| around(x, seen.width).map(move |x| (x, y)));
         let what = format!("at row {y}, column {x}");
         Ok(PyLens { core: focused_on_pixels(&self.core, &seen, pixels, 0.5, &what)? })
@@ -168,8 +170,8 @@ impl PyLens {
         depth: &Bound<'_, PyAny>,
         target: &Bound<'_, PyAny>,
         depth_kind: &str,
-        near: Option<f64>,
-        far: Option<f64>,
+        #[pyo3(from_py_with = argument::near)] near: Option<f64>,
+        #[pyo3(from_py_with = argument::far)] far: Option<f64>,
     ) -> PyResult<PyLens> {
         let seen = read_seen_depth(depth, &DepthArguments { depth_kind, near, far }, &self.core)?;
         let (width, height) = (seen.width, seen.height);
@@ -253,8 +255,8 @@ impl PyLens {
         depth: &Bound<'_, PyAny>,
         pixels: [[isize; 2]; 3],
         depth_kind: &str,
-        near: Option<f64>,
-        far: Option<f64>,
+        #[pyo3(from_py_with = argument::near)] near: Option<f64>,
+        #[pyo3(from_py_with = argument::far)] far: Option<f64>,
     ) -> PyResult<PyLens> {
         let seen = read_seen_depth(depth, &DepthArguments { depth_kind, near, far }, &self.core)?;
         let mut places = [[0.0; 3]; 3];

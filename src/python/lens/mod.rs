@@ -3,6 +3,7 @@
 pub mod cameras;
 pub mod focus;
 
+use super::argument;
 use super::errors::choice;
 use crate::optics::{Aberrations, Base, FovAxis, Lens, Mount, Strength, Vignetting};
 use pyo3::exceptions::PyTypeError;
@@ -10,10 +11,13 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-/// Hash of the text of a settings value.
+/// Hash of the text of a settings value. A negative zero equals a plain one.
 pub fn hash_text(text: &str) -> u64 {
     let mut hasher = DefaultHasher::new();
-    text.hash(&mut hasher);
+    for word in text.split([' ', '=', ',', '(', ')']) {
+        let word = if word == "-0.0" { "0.0" } else { word };
+        word.hash(&mut hasher);
+    }
     hasher.finish()
 }
 
@@ -96,19 +100,19 @@ impl PyLens {
         principal_point=(0.0, 0.0), sensor_mm=None, breathing_focal_length_mm=None))]
     #[expect(clippy::too_many_arguments, reason = "the public constructor's own, keyword-only in Python")]
     fn new(
-        aperture_radius: f64,
-        focus_distance: f64,
-        fov: f64,
+        #[pyo3(from_py_with = argument::aperture_radius)] aperture_radius: f64,
+        #[pyo3(from_py_with = argument::focus_distance)] focus_distance: f64,
+        #[pyo3(from_py_with = argument::fov)] fov: f64,
         fov_axis: &str,
-        tilt: Pair,
-        field_curvature: f64,
-        axial_color: Triple,
-        lateral_color: Triple,
-        cat_eye: f64,
+        #[pyo3(from_py_with = argument::tilt)] tilt: Pair,
+        #[pyo3(from_py_with = argument::field_curvature)] field_curvature: f64,
+        #[pyo3(from_py_with = argument::axial_color)] axial_color: Triple,
+        #[pyo3(from_py_with = argument::lateral_color)] lateral_color: Triple,
+        #[pyo3(from_py_with = argument::cat_eye)] cat_eye: f64,
         vignetting: &str,
-        principal_point: Pair,
-        sensor_mm: Option<f64>,
-        breathing_focal_length_mm: Option<f64>,
+        #[pyo3(from_py_with = argument::principal_point)] principal_point: Pair,
+        #[pyo3(from_py_with = argument::sensor_mm)] sensor_mm: Option<f64>,
+        #[pyo3(from_py_with = argument::breathing_focal_length_mm)] breathing_focal_length_mm: Option<f64>,
     ) -> PyResult<PyLens> {
         let fov_axis = choice("fov_axis", fov_axis, &FovAxis::NAMES)?;
         let mount = Mount {
@@ -162,14 +166,14 @@ impl PyLens {
         lateral_color=(0.0, 0.0, 0.0), cat_eye=0.0, vignetting="none", principal_point=(0.0, 0.0)))]
     #[expect(clippy::too_many_arguments, reason = "the public constructor's own, keyword-only in Python")]
     fn from_disparity(
-        strength_px: Option<f64>,
-        strength_percent: Option<f64>,
-        focus: f64,
-        axial_color: Triple,
-        lateral_color: Triple,
-        cat_eye: f64,
+        #[pyo3(from_py_with = argument::strength_px)] strength_px: Option<f64>,
+        #[pyo3(from_py_with = argument::strength_percent)] strength_percent: Option<f64>,
+        #[pyo3(from_py_with = argument::focus)] focus: f64,
+        #[pyo3(from_py_with = argument::axial_color)] axial_color: Triple,
+        #[pyo3(from_py_with = argument::lateral_color)] lateral_color: Triple,
+        #[pyo3(from_py_with = argument::cat_eye)] cat_eye: f64,
         vignetting: &str,
-        principal_point: Pair,
+        #[pyo3(from_py_with = argument::principal_point)] principal_point: Pair,
     ) -> PyResult<PyLens> {
         let strength = match (strength_px, strength_percent) {
             (Some(px), None) => Strength::Px(px),
