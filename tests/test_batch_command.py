@@ -237,7 +237,16 @@ def test_manifests_that_are_none(tmp_path, name, text, message):
         (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--random-aperture-radius", "1"], "LOW,HIGH"),
         (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--random-focus", "--focus-at", "1,1"], "exclude"),
         (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--format", "gif"], "--format takes .exr"),
-        (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--outputs", "photo"], "outputs must be some of"),
+        (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--outputs", "photo"], "--outputs must be some of"),
+        (
+            ["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--outputs", "stack", "--slices", str(10**30)],
+            "--slices must be positive and at most 1000",
+        ),
+        (
+            ["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--random-aperture-radius", "nan,1"],
+            "--random-aperture-radius takes two numbers",
+        ),
+        (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--threads", "-1"], "--threads must be a whole number"),
         (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--workers", "0"], "--workers"),
         (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--method", "lense"], 'got "lense"'),
         (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--set", "taps=3"], "taps"),
@@ -434,6 +443,27 @@ def test_results_beside_their_inputs_are_resumed_or_refused(few, capsys, argumen
         capsys.readouterr()
         assert batch(*arguments, *LENS_OPTIONS) == 0
         assert "0 written, 4 there already" in capsys.readouterr().out
+
+
+def test_names_as_long_as_the_file_system_has_them(few, capsys):
+    name = "n" * 248
+    Path("rgb/0000.exr").rename(f"rgb/{name}.exr")
+    Path("depth/0000_depth.pfm").rename(f"depth/{name}.pfm")
+    arguments = [
+        "rgb",
+        "depth",
+        "-o",
+        "out",
+        *LENS_OPTIONS,
+        "--outputs",
+        "picture,mask,stack",
+        "--slices",
+        "2",
+    ]
+    assert batch(*arguments) == 0
+    assert len(list(Path("out").iterdir())) == 4 * 5
+    assert batch(*arguments) == 0
+    assert "0 written, 4 there already" in capsys.readouterr().out
 
 
 def test_one_bad_pixel_does_not_cost_a_frame(few, capsys):

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from ._files import open_regular, read_text
+from ._files import check_regular, open_regular, read_text
 
 # A parameter's value may name other parameters, so that a short hostile file could stand for gigabytes.
 _LONGEST_VALUE = 4096
@@ -190,6 +190,7 @@ def _blender_words(camera: Any) -> dict[str, Any]:
 
 
 def _json_file(path: Any) -> Any:
+    check_regular(path)
     try:
         return json.loads(read_text(path))
     except ValueError as error:

@@ -315,7 +315,11 @@ _OPTIONS = {
     field.name: f"--{field.name.replace('_', '-')}"
     for group in (LensOptions, ApertureOptions, DepthOptions, RenderOptions)
     for field in fields(group)
-} | {"scale": "--depth-scale", "border": "--border"}
+} | {
+    name: f"--{name.replace('_', '-')}"
+    for name in ("border", "limit", "outputs", "sharp_radius_px", "slices")
+}
+_OPTIONS["scale"] = "--depth-scale"
 _SAID = {
     "are not finite (or too large for float32)": "are not finite (--invalid-color neighbours)",
     "negate them": "negate them (--depth-scale -1)",

@@ -31,6 +31,11 @@ def printable(text: str) -> str:
     return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in text)
 
 
+def shortened(text: str) -> str:
+    """Cut a text that is longer than a line."""
+    return text if len(text) <= _LONGEST_NAME else text[: _LONGEST_NAME - 3] + "..."
+
+
 def listed(names: Iterable[str]) -> str:
     """List names in one line, escaped, and cut if there are many or if they are long.
 
@@ -51,6 +56,5 @@ def listed(names: Iterable[str]) -> str:
     'R, G, B'
     """
     every = list(names)
-    shown = [one if len(one) <= _LONGEST_NAME else one[: _LONGEST_NAME - 3] + "..." for one in every]
     more = [f"and {len(every) - _MOST_NAMES} more"] if len(every) > _MOST_NAMES else []
-    return ", ".join([*map(printable, shown[:_MOST_NAMES]), *more])
+    return ", ".join([*(printable(shortened(one)) for one in every[:_MOST_NAMES]), *more])

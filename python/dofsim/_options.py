@@ -10,7 +10,7 @@ from typing import Any
 
 import dofsim
 
-from ._files import read_text
+from ._files import check_regular, read_text
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -33,6 +33,8 @@ FURTHER_WORDS = (
     "breathing_focal_length_mm",
     "breathing",
 )
+# No pixel and no opening is beyond it, and whole numbers of 64 bits end there.
+_LARGEST = 2**63
 # What each constructor can do without, or says itself when it is missing.
 _OPTIONAL = {"fov_axis", "sensor_width_mm", "sensor", "strength_px", "strength_percent"}
 
@@ -63,6 +65,7 @@ def read_settings(
     """
     words: dict[str, Any] = {}
     if path is not None:
+        check_regular(path)
         try:
             words = tomllib.loads(read_text(path))
         except ValueError as error:
@@ -188,7 +191,9 @@ def read_numbers(option: str, text: str, kind: type[int] | type[float], what: st
     """
     try:
         first, second = (kind(number) for number in text.split(","))
-    except ValueError:
+        if not (math.isfinite(first) and math.isfinite(second) and max(abs(first), abs(second)) < _LARGEST):
+            raise ValueError
+    except (ValueError, OverflowError):
         raise ValueError(f"{option} takes {what}; got {text!r}") from None
     return first, second
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 from collections.abc import Iterator
@@ -9,6 +10,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 _NAME = ".dofsim-batch"
+# How systems say that another process has the lock.
+_HELD = {errno.EAGAIN, errno.EWOULDBLOCK, errno.EACCES}
 
 
 @contextmanager
@@ -51,16 +54,25 @@ def _locked(path: Path) -> int:
         file = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
         try:
             _lock(file)
-            # The one who had it before may have removed it in between.
-            if path.exists() and os.path.samestat(os.fstat(file), path.stat()):
-                return file
         except OSError as error:
             holder = os.read(file, 20).decode(errors="replace").strip()
             os.close(file)
+            if error.errno not in _HELD:
+                raise OSError(error.errno, error.strerror, str(path)) from error
             raise ValueError(
                 f"{path.parent}: another dofsim batch is writing there (process {holder}); wait for its end"
             ) from error
+        if _is_at(file, path):
+            return file
+        # The one who had it before has removed it in between.
         os.close(file)
+
+
+def _is_at(file: int, path: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(file), path.stat())
+    except FileNotFoundError:
+        return False
 
 
 def _lock(file: int) -> None:

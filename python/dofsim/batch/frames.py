@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +13,11 @@ from dofsim._save import SampleType
 
 Output = Literal["picture", "coc", "mask", "stack"]
 Status = Literal["written", "skipped", "failed"]
+
+# Bytes in a name.
+_LONGEST_NAME = 255
+# All of them are held at a time.
+_MOST_SLICES = 1000
 
 OUTPUTS: tuple[Output, ...] = get_args(Output)
 
@@ -80,25 +87,43 @@ class Frame:
         object.__setattr__(self, "outputs", tuple(self.outputs))
         if not self.outputs or not set(self.outputs) <= set(OUTPUTS):
             raise ValueError(f"outputs must be some of {', '.join(OUTPUTS)}; got {self.outputs}")
-        if ("stack" in self.outputs) != (self.slices > 0):
-            raise ValueError(f"slices must be positive with a stack and 0 without; got {self.slices}")
+        most = _MOST_SLICES if "stack" in self.outputs else 0
+        if not min(most, 1) <= self.slices <= most:
+            raise ValueError(
+                f"slices must be positive and at most {_MOST_SLICES} with a stack and 0 without; "
+                f"got {self.slices}"
+            )
         if not self.sharp_radius_px > 0:
             raise ValueError(f"sharp_radius_px must be positive; got {self.sharp_radius_px}")
 
     @property
     def record(self) -> Path:
         """The file that says how the frame was made; when it is there, the frame is done."""
-        return self.output.with_name(self.output.name + ".json")
+        return self.output.with_name(_fitting(self.output.name, ".json"))
 
     @property
     def files(self) -> dict[str, Path]:
         """The files to write, by what they hold; the slices of the stack are ``focus-00`` and so on."""
         stem, suffix = self.output.stem, self.output.suffix
-        single = {"picture": self.output.name, "coc": f"{stem}.coc.exr", "mask": f"{stem}.mask.png"}
+        single = {
+            "picture": self.output.name,
+            "coc": _fitting(stem, ".coc.exr"),
+            "mask": _fitting(stem, ".mask.png"),
+        }
         wanted: set[str] = set(self.outputs)
         files = {name: file for name, file in single.items() if name in wanted}
-        files |= {f"focus-{index:02}": f"{stem}.focus-{index:02}{suffix}" for index in range(self.slices)}
+        slices = [f"focus-{index:02}" for index in range(self.slices)]
+        files |= {name: _fitting(stem, f".{name}{suffix}") for name in slices}
         return {name: self.output.with_name(file) for name, file in files.items()}
+
+
+def _fitting(name: str, suffix: str) -> str:
+    """Add a suffix; where that is more than a file system allows, a hash stands for the end of the name."""
+    if len(os.fsencode(name + suffix)) <= _LONGEST_NAME:
+        return name + suffix
+    whole = os.fsencode(name)
+    mark = "-" + hashlib.sha256(whole).hexdigest()[:16] + suffix
+    return whole[: _LONGEST_NAME - len(mark)].decode(errors="ignore") + mark
 
 
 @dataclass(frozen=True, kw_only=True)

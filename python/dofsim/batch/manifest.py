@@ -13,6 +13,7 @@ from typing import Any, Literal, TextIO
 
 from dofsim import _options
 from dofsim._files import StrPath, check_regular
+from dofsim._names import shortened
 
 _LENS_WORDS = {*_options.THIN_WORDS, *_options.CAMERA_WORDS, *_options.RELATIVE_WORDS}
 _WORDS = {"color", "depth", "output", "focus_at", *_LENS_WORDS}
@@ -153,8 +154,8 @@ def _lens_value(name: str, value: Any) -> float | str:
         return str(value)
     try:
         return float(value)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name} must be a number; got {value!r}") from None
+    except (TypeError, ValueError, OverflowError):
+        raise ValueError(f"{name} must be a number; got {shortened(repr(value))}") from None
 
 
 def _focus_at(value: Any) -> tuple[int, int] | Literal["random"] | None:

@@ -13,6 +13,7 @@ import numpy as np
 
 import dofsim
 from dofsim import _dofsim
+from dofsim._files import read_text
 
 from .frames import Frame
 
@@ -46,7 +47,7 @@ def fingerprint(frame: Frame) -> str:
 def is_done(frame: Frame, mark: str) -> bool:
     """Whether all outputs of a frame are there, whole, and made as this fingerprint says."""
     try:
-        record = json.loads(frame.record.read_text(encoding="utf-8"))
+        record = json.loads(read_text(frame.record))
         return bool(
             record["fingerprint"] == mark
             and record["sizes"] == {path.name: path.stat().st_size for path in frame.files.values()}
