@@ -71,6 +71,8 @@ $(WORK)/.installed: $(WORK)/.tools $(SOURCES)
 
 test: $(WORK)/.installed
 	cargo fmt --check
+	RUSTDOCFLAGS='-D warnings' $(CARGO) doc --quiet --no-deps --document-private-items --profile $(PROFILE) \
+		--features $(FEATURES)
 	$(CARGO) clippy --quiet --all-targets --profile $(PROFILE) --features $(FEATURES) -- -D warnings
 ifeq ($(shell uname -s),Darwin)
 	$(if $(LIBPYTHON),DYLD_LIBRARY_PATH="$(LIBPYTHON)" $(CARGO) test --tests --profile $(PROFILE) --features $(FEATURES),$(NO_LIBPYTHON))

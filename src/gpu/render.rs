@@ -18,8 +18,8 @@ use crate::scene::layered::LayeredScene;
 use crate::simd::Simd;
 use std::sync::Arc;
 
-/// Renders a scene through each of some lenses on the adapter with index `adapter` in [`adapters::all`], and times
-/// all passes. One picture, or one band of it, is transferred back while the next one is computed.
+/// Renders a scene through each of some lenses on the adapter with index `adapter` in
+/// [`adapters::all`](super::adapters::all), and times all passes. One picture, or one band of it, is transferred back while the next one is computed.
 pub fn render_each<'a>(
     adapter: usize,
     scope: &Scope,

@@ -130,7 +130,7 @@ impl Settings {
         (coc_px.abs() / self.threshold_px as f32 - 1.0).clamp(0.0, 1.0)
     }
 
-    /// The sprites of a [step](step) for pixels in even and odd columns, first of even rows and then of odd ones.
+    /// The sprites of a [step] for pixels in even and odd columns, first of even rows and then of odd ones.
     pub fn sprites(&self, step: i32) -> [Sprite; 4] {
         let coc = radius(step);
         // Points in front are rotated by 180 degrees.
