@@ -4,6 +4,8 @@ PYTHON ?= python3
 DEMO := .venv
 WORK := .venv-test
 PROFILE := dev-fast
+# Everything is built with these features, so that it is built once.
+FEATURES := test-shaders
 # Dependency groups to test with besides: docs, torch.
 EXTRAS ?=
 
@@ -64,16 +66,18 @@ $(WORK)/.tools: pyproject.toml
 	@touch $@
 
 $(WORK)/.installed: $(WORK)/.tools $(SOURCES)
-	$(WORK)/bin/python $(PIP) install --quiet --editable . --config-settings 'build-args=--profile $(PROFILE)'
+	$(WORK)/bin/python $(PIP) install --quiet --editable . --config-settings 'build-args=--profile $(PROFILE) --features $(FEATURES)'
 	@touch $@
 
 test: $(WORK)/.installed
 	cargo fmt --check
-	$(CARGO) clippy --quiet --all-targets --profile $(PROFILE) -- -D warnings
+	RUSTDOCFLAGS='-D warnings' $(CARGO) doc --quiet --no-deps --document-private-items --profile $(PROFILE) \
+		--features $(FEATURES)
+	$(CARGO) clippy --quiet --all-targets --profile $(PROFILE) --features $(FEATURES) -- -D warnings
 ifeq ($(shell uname -s),Darwin)
-	$(if $(LIBPYTHON),DYLD_LIBRARY_PATH="$(LIBPYTHON)" $(CARGO) test --tests --profile $(PROFILE),$(NO_LIBPYTHON))
+	$(if $(LIBPYTHON),DYLD_LIBRARY_PATH="$(LIBPYTHON)" $(CARGO) test --tests --profile $(PROFILE) --features $(FEATURES),$(NO_LIBPYTHON))
 else
-	$(if $(LIBPYTHON),LD_LIBRARY_PATH="$(LIBPYTHON)" $(CARGO) test --tests --profile $(PROFILE),$(NO_LIBPYTHON))
+	$(if $(LIBPYTHON),LD_LIBRARY_PATH="$(LIBPYTHON)" $(CARGO) test --tests --profile $(PROFILE) --features $(FEATURES),$(NO_LIBPYTHON))
 endif
 	$(WORK)/bin/ruff check
 	$(WORK)/bin/ruff format --check

@@ -1,8 +1,9 @@
-// One colour of the picture, as it was rendered for itself: its first channel, and coverage where it is that's turn.
+// Writes one colour, which was rendered separately at its own focus, into the picture: the first channel of its
+// render, and coverage if it is this colour's turn.
 
 struct Params {
     size: vec2<u32>,
-    // Of the colour's own picture.
+    // Number of channels of the picture that was rendered for this colour.
     channels: u32,
     color: u32,
     coverage: u32,

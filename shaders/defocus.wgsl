@@ -1,4 +1,4 @@
-// How far out of focus a surface is, as the plan measures it.
+// The defocus of a surface, in the measure of the plan.
 
 struct Defocus {
     // Per pixel of shift and unit of disparity, or per metre.
@@ -8,7 +8,7 @@ struct Defocus {
 }
 
 const SHIFT: u32 = 0u;
-// What is infinitely far from the focus; all that is made of it has a limit.
+// Stands for an infinite distance from the focus; every value derived from it is limited.
 const FARTHEST: f32 = 1e9;
 
 fn defocus_at(defocus: Defocus, d: f32) -> f32 {
@@ -18,7 +18,7 @@ fn defocus_at(defocus: Defocus, d: f32) -> f32 {
     if d == defocus.d_focus {
         return 0.0;
     }
-    // 1/d - 1/d_focus, either of which may be infinitely far away.
+    // 1/d - 1/d_focus; either distance may be infinite.
     let product = d * defocus.d_focus;
     let far = abs(product) < 1e-30;
     let distance = (defocus.d_focus - d) / select(product, 1.0, far);

@@ -1,12 +1,12 @@
-// The picture darkened away from the axis, by the lens's second_stop and by the angle of the light.
+// Falloff: the picture darkened away from the axis, by the second stop of the lens and by the angle of the light.
 
 struct Params {
     size: vec2<u32>,
     // The pixel on the axis.
     centre: vec2<f32>,
-    // One over the focal length in pixels; 0 where the angle does not count.
+    // One over the focal length in pixels; 0 if the angle of the light is ignored.
     per_focal: f32,
-    // Channels that hold light.
+    // Number of channels that hold light.
     lights: u32,
     @align(16) second_stop: SecondStop,
 }

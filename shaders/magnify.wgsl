@@ -1,10 +1,10 @@
-// The picture at another size, for each channel its own: plan/magnify.rs.
+// The picture at another size, which may differ between channels: plan/magnify.rs.
 
 struct Params {
     size: vec2<u32>,
 }
 
-// Where a row or column comes from: four neighbours, and what each counts.
+// The source of a row or column: four neighbours, and their weights.
 struct Source {
     places: vec4<u32>,
     weights: vec4<f32>,
@@ -14,11 +14,11 @@ override CHANNELS: u32 = 3u;
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> rendered: array<f32>;
-// For each channel those of all columns, then those of all rows.
+// For each channel, the sources of all columns, then those of all rows.
 @group(0) @binding(2) var<storage, read> sources: array<Source>;
 @group(0) @binding(3) var<storage, read_write> picture: array<f32>;
 
-// One channel of a pixel, kept within those of the four pixels around its place.
+// One channel of a pixel, limited to the range of the four source pixels around its position.
 fn magnified(at: vec2<u32>, c: u32) -> f32 {
     let first = c * (params.size.x + params.size.y);
     let across = sources[first + at.x];

@@ -1,6 +1,6 @@
-// What lies beyond the border of a frame: its mirror image.
+// The mirror image of a frame beyond its border.
 
-// Half-sample symmetric extension, however far out: .. 1 0 | 0 1 2 .. n-1 | n-1 n-2 ..
+// Half-sample symmetric extension, at any distance: .. 1 0 | 0 1 2 .. n-1 | n-1 n-2 ..
 fn mirrored(i: i32, n: i32) -> i32 {
     if i >= 0 && i < n {
         return i;

@@ -15,7 +15,7 @@ struct Tap {
     weight: f32,
 }
 
-// What is between pixels: their colours, disparity and blurriness.
+// A value interpolated between pixels: colour, disparity and blurriness.
 struct Sample {
     color: vec4<f32>,
     disparity: f32,
@@ -23,7 +23,7 @@ struct Sample {
 }
 
 const LEAK_TEST_ON: u32 = 0u;
-// Where nothing at all counts the pixel keeps its colour.
+// If no tap counts at all, the pixel keeps its colour.
 const LEAST_TOTAL: f32 = 1.1754944e-38;
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -45,14 +45,14 @@ fn mixed(a: Sample, b: Sample, fraction: f32) -> Sample {
     );
 }
 
-// Between four neighbours, of which `at` is the upper left.
+// Interpolates between four neighbours; `at` is the upper left one.
 fn bilinear(at: vec2<i32>, beyond: vec2<f32>) -> Sample {
     let above = mixed(sample_at(at.x, at.y), sample_at(at.x + 1, at.y), beyond.x);
     let below = mixed(sample_at(at.x, at.y + 1), sample_at(at.x + 1, at.y + 1), beyond.x);
     return mixed(above, below, beyond.y);
 }
 
-// What is sharp and in front must not leak onto what is blurred behind it.
+// The weight of a tap. A sharp surface in front must not leak onto a blurred surface behind it.
 fn contribution(centre_disparity: f32, tap: Sample) -> f32 {
     let in_front = params.leak_test == LEAK_TEST_ON && tap.disparity > centre_disparity;
     return select(1.0, tap.blurriness, in_front);
@@ -71,7 +71,8 @@ fn averaged(at: vec2<i32>) -> vec4<f32> {
     var moved = vec4<f32>();
     for (var i = 0u; i < params.count; i++) {
         let tap = taps[i];
-        // Whole pixels and fractions apart: far from the origin a float has few digits left for these.
+        // Whole pixels and fractions are kept separate: far from the origin, a float has few digits left for
+        // fractions.
         let offset = scale_px * tap.place;
         let whole = floor(offset);
         let seen = bilinear(at + vec2<i32>(whole), offset - whole);

@@ -1,9 +1,9 @@
-// From a super-sampled picture to the pixels of the output: means of square blocks.
+// Averages a super-sampled picture down to the pixels of the output: means of square blocks.
 
 struct Params {
-    // Of the output.
+    // Size of the output.
     size: vec2<u32>,
-    // Pixels of the picture to one of the output, along each axis.
+    // Pixels of the picture per pixel of the output, along each axis.
     block: u32,
 }
 

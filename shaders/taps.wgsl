@@ -2,7 +2,7 @@
 
 struct Params {
     size: vec2<u32>,
-    // Look-ups beside the centre.
+    // Number of look-ups without the centre.
     count: u32,
     mix: u32,
     share: f32,
@@ -10,7 +10,7 @@ struct Params {
     @align(16) defocus: Defocus,
 }
 
-// One look-up: the pixels it reads, as offsets from the centre with their weights.
+// One look-up: the pixels that it reads, as offsets from the centre with their weights.
 struct Tap {
     dx: vec4<i32>,
     dy: vec4<i32>,
@@ -28,7 +28,7 @@ fn blur(pixel: u32) -> f32 {
     return min(factor * factor, params.max_blur);
 }
 
-// The picture at one pixel.
+// The picture at one pixel, mixed from its look-ups.
 fn mixed(at: vec2<i32>) -> vec4<f32> {
     let own = index_in(params.size, at.x, at.y);
     let centre = color_at(params.size, own);

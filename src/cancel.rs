@@ -1,9 +1,9 @@
-//! A flag by which a long render is asked to stop.
+//! A flag that asks a long render to stop.
 
 use crate::error::{Error, Result};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Checked between tiles; set from another thread.
+/// Set from another thread, and checked between tiles.
 #[derive(Debug, Default)]
 pub struct Cancel(AtomicBool);
 
@@ -13,7 +13,7 @@ impl Cancel {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// An error once the work has been asked to stop.
+    /// Returns an error once the work has been asked to stop.
     pub fn check(&self) -> Result<()> {
         if self.0.load(Ordering::Relaxed) { Err(Error::Cancelled) } else { Ok(()) }
     }

@@ -1,8 +1,8 @@
-//! Transfer functions and sample types: from what users hold to linear `f32` and back.
+//! Transfer functions and sample types: from the caller's samples to linear `f32` and back.
 
 use half::f16;
 
-/// How samples stand for light.
+/// The relation of samples to light (the colour encoding).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Transfer {
     /// Proportional to light.
@@ -44,15 +44,16 @@ impl Transfer {
     }
 }
 
-/// A root of a positive number to a few percent: a number's bits are about its logarithm, `one` those of 1.
+/// A root of a positive number to a few per cent. A number's bits are approximately its logarithm; `one` are the bits
+/// of 1.
 #[inline(always)]
 fn rough_root(z: f32, degree: f32) -> f32 {
     let one = 1.0f32.to_bits() as f32;
     f32::from_bits((one + (z.to_bits() as f32 - one) / degree) as i32 as u32)
 }
 
-/// Of a positive number, by plain arithmetic, of which the compiler makes vectors. Two steps of Halley's method, each of
-/// which leaves about the cube of the error before.
+/// The cube root of a positive number, by plain arithmetic that the compiler vectorises. Two steps of Halley's method
+/// are made, each of which leaves about the cube of the previous error.
 #[inline(always)]
 fn cube_root(z: f32) -> f32 {
     let step = |y: f32| {
@@ -62,7 +63,7 @@ fn cube_root(z: f32) -> f32 {
     step(step(rough_root(z, 3.0)))
 }
 
-/// As [`cube_root`].
+/// The fifth root; see [`cube_root`].
 #[inline(always)]
 fn fifth_root(z: f32) -> f32 {
     let step = |y: f32| {
@@ -72,7 +73,7 @@ fn fifth_root(z: f32) -> f32 {
     step(step(rough_root(z, 5.0)))
 }
 
-/// A sample type that pictures come in.
+/// A sample type of pictures.
 pub trait Sample: Copy + Send + Sync {
     /// The code value, with 1 for white in integer types.
     fn to_code(self) -> f32;
@@ -99,7 +100,7 @@ float_samples! {
     f64, |v| v as f32, f64::from;
 }
 
-/// The nearest half: unmixed colours may be brighter than all that came in, and halves end at 65504.
+/// The nearest half. Unmixed colours may be brighter than all input colours, and the largest half is 65504.
 fn half(v: f32) -> f16 {
     f16::from_f32(v.clamp(f16::MIN.to_f32(), f16::MAX.to_f32()))
 }
@@ -113,7 +114,7 @@ macro_rules! integer_samples {
             }
             #[inline(always)]
             fn from_code(v: f32) -> Self {
-                // The cast cuts off what follows the point, and saturates, which is the clamping to the type's range.
+                // The cast truncates the fraction and saturates, which clamps to the range of the type.
                 (v * f32::from(<$t>::MAX) + 0.5) as $t
             }
         }
@@ -137,7 +138,7 @@ mod tests {
 
     #[test]
     fn curves_are_those_of_the_standard() {
-        // A few roundings; relative to what the offset is taken from.
+        // A few roundings, relative to the value from which the offset is subtracted.
         let close = |a: f32, b: f64| (f64::from(a) - b).abs() <= 7e-7 * (b.abs() + 0.055);
         for i in 0..200_000 {
             let v = (i as f32 * 1e-4).powi(3) * 1e-3;
@@ -149,7 +150,7 @@ mod tests {
             assert_eq!(Transfer::Srgb.encode(-v), 12.92 * -v);
             assert_eq!(Transfer::Srgb.decode(-v), -v / 12.92);
         }
-        // Far beyond white, where no code value should be, they are still right.
+        // Far beyond white, where no code value should be, they are still correct.
         assert!(close(Transfer::Srgb.encode(1e30), 1.055 * f64::from(1e30f32).powf(1.0 / 2.4)));
         assert!(close(Transfer::Srgb.decode(1e6), ((f64::from(1e6f32) + 0.055) / 1.055).powf(2.4)));
         for v in [f32::NAN, f32::INFINITY] {

@@ -1,10 +1,10 @@
-//! From the depth that users hold to the disparity that the optics need.
+//! From the caller's depth to the disparity that the optics need.
 
 use crate::error::{Result, value_error};
 use crate::memory::Buffer;
 use rayon::prelude::*;
 
-/// Where the pixels of a frame look.
+/// The directions of the rays of a frame's pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rays {
     /// Focal length in pixels.
@@ -14,7 +14,7 @@ pub struct Rays {
 }
 
 impl Rays {
-    /// How many times as long as its `z` a pixel's ray is.
+    /// The length of a pixel's ray relative to its `z`.
     fn length(&self, x: usize, y: usize) -> f64 {
         let dx = (x as f64 - self.centre[0]) / self.focal_px;
         let dy = (y as f64 - self.centre[1]) / self.focal_px;
@@ -22,7 +22,7 @@ impl Rays {
     }
 }
 
-/// How depth values are to be read.
+/// The interpretation of depth values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum DepthKind {
     /// Planar distance in metres along the optical axis.
@@ -33,7 +33,7 @@ pub enum DepthKind {
     InverseZ,
     /// Relative disparity, for lenses over relative disparity.
     Disparity,
-    /// Relative disparity of any scale, to be brought to 0 (far) to 1 (near); see [`normalize`].
+    /// Relative disparity of any scale, which is normalised to 0 (far) to 1 (near); see [`normalize`].
     Relative,
     /// Post-projection depth, from `first` to 1. Either plane may be infinite, and either the nearer.
     ZBuffer {
@@ -44,7 +44,7 @@ pub enum DepthKind {
         /// 0, or -1 as in OpenGL's normalized device coordinates.
         first: f64,
     },
-    /// Mitsuba's depth AOV: along the ray, from the near clip plane; 0 where nothing was hit.
+    /// Mitsuba's depth AOV: distance along the ray, from the near clip plane; 0 where nothing was hit.
     DistanceFromNear {
         /// Near clip plane in metres.
         near: f64,
@@ -52,9 +52,9 @@ pub enum DepthKind {
 }
 
 impl DepthKind {
-    /// The disparity that value `v` stands for at a pixel whose ray is `ray_length` times as long as its `z`.
+    /// The disparity of value `v` at a pixel whose ray is `ray_length` times as long as its `z`.
     ///
-    /// Not a finite number where the value is not a depth of this kind.
+    /// Not finite if the value is not a valid depth of this kind.
     #[inline(always)]
     fn disparity(self, v: f64, ray_length: f64) -> f64 {
         let valid = |valid: bool, d: f64| if valid { d } else { f64::NAN };
@@ -86,8 +86,8 @@ impl DepthKind {
         matches!(self, DepthKind::Distance | DepthKind::DistanceFromNear { .. })
     }
 
-    /// The value that stands for the background, which is infinitely far or, in relative disparity, at 0. A z-buffer
-    /// whose farther plane is not infinite has its background at that plane.
+    /// The value of the background, which is at infinity or, in relative disparity, at 0. A z-buffer whose farther plane
+    /// is finite has its background at that plane.
     pub fn background(self) -> f32 {
         match self {
             DepthKind::Z | DepthKind::Distance => f32::INFINITY,
@@ -99,7 +99,7 @@ impl DepthKind {
         }
     }
 
-    /// What a valid value looks like, for error texts.
+    /// A description of valid values, for error texts.
     fn accepted(self) -> &'static str {
         match self {
             DepthKind::Z | DepthKind::Distance => "depths greater than 0 (infinity is background)",
@@ -112,18 +112,18 @@ impl DepthKind {
     }
 }
 
-/// What to do with values that are no depth.
+/// The treatment of invalid depth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Invalid {
-    /// Refuse the picture, naming how many there are and where the first is.
+    /// Refuse the picture; the error says how many invalid values there are and where the first one is.
     Raise,
-    /// Take them for background, infinitely far (for relative disparity: as far as the farthest pixel).
+    /// Treat them as background, at infinity (for relative disparity: as far as the farthest pixel).
     Far,
 }
 
-/// Disparity of every pixel of a `width` wide frame, NaN where there is none, and how many of these there are.
+/// Disparity of every pixel of a frame of width `width`, NaN where depth is invalid, and the number of such pixels.
 ///
-/// `rays` are needed by the kinds measured along the ray.
+/// The kinds that are measured along the ray need `rays`.
 pub fn disparities(
     depth: &[f32],
     width: usize,
@@ -138,7 +138,7 @@ pub fn disparities(
     }
     let ray_length =
         |x: usize, y: usize| rays.filter(|_| kind.needs_rays()).map_or(1.0, |rays| rays.length(x, y));
-    // What most have gets a loop of its own, which the compiler makes vectors of.
+    // The most frequent kind has a loop of its own, which the compiler vectorises.
     let row = |y: usize, depth: &[f32], out: &mut [f32]| match kind {
         DepthKind::Z => finite(depth, out, |_, v| DepthKind::Z.disparity(v, 1.0)),
         _ => finite(depth, out, |x, v| kind.disparity(v, ray_length(x, y))),
@@ -156,7 +156,7 @@ pub fn disparities(
     Ok((out, bad))
 }
 
-/// The disparities of a row, NaN where they are not finite, and how many of these there are.
+/// The disparities of a row, NaN where they are not finite, and the number of such pixels.
 #[inline(always)]
 fn finite(depth: &[f32], out: &mut [f32], disparity: impl Fn(usize, f64) -> f64) -> usize {
     let mut bad = 0u32;
@@ -168,7 +168,7 @@ fn finite(depth: &[f32], out: &mut [f32], disparity: impl Fn(usize, f64) -> f64)
     bad as usize
 }
 
-/// Disparity of every pixel, as [`disparities`] has it, with something done about those that have none.
+/// Disparity of every pixel, as [`disparities`] computes it, with invalid depth treated as requested.
 pub fn disparity_plane(
     depth: &[f32],
     width: usize,
@@ -218,8 +218,8 @@ pub fn disparity_plane(
     Ok(out)
 }
 
-/// Brings disparity of any scale to 0 to 1, robustly: those are its hundredths smallest and largest, and what lies
-/// beyond stays beyond.
+/// Normalises disparity of any scale to 0 to 1, robustly: 0 and 1 are its 1st and 99th percentile, and values
+/// beyond them stay beyond.
 fn normalize(disparity: &mut [f32]) {
     let mut valid: Vec<f32> = disparity.iter().copied().filter(|d| !d.is_nan()).collect();
     if valid.is_empty() {

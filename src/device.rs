@@ -1,9 +1,9 @@
-//! Where to compute.
+//! The device on which to compute.
 
 use crate::error::{Error, Result, value_error};
 use crate::gpu::adapters::{self, Adapter, Kind};
 
-/// A device as a caller chose it. Adapters are numbered as [`adapters::all`] lists them.
+/// A device as a caller chose it. The numbers of adapters are their indices in [`adapters::all`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Device {
     /// The CPU.
@@ -13,7 +13,7 @@ pub enum Device {
 }
 
 impl Device {
-    /// The device of this name. `preset`, from the environment, says what "auto" and "gpu" stand for.
+    /// The device with this name. `preset`, from the environment, determines the meaning of "auto" and "gpu".
     pub fn named(name: &str, preset: Option<&str>) -> Result<Device> {
         match (name, preset) {
             ("cpu", _) => Ok(Device::Cpu),
@@ -54,7 +54,7 @@ fn gpu(adapters: &[Adapter]) -> Result<usize> {
     })
 }
 
-/// The adapter that a word stands for: its number after "gpu:", its name, or a part of the name that no other has.
+/// The adapter that a word denotes: by its number after "gpu:", its name, or a part of the name that no other has.
 fn adapter(argument: &str, word: &str) -> Result<usize> {
     let adapters = adapters::all();
     let names = || {

@@ -1,12 +1,12 @@
-//! The one error type of the core: what was wrong with an argument, or with a device.
+//! The one error type of the core: a problem with an argument, or with a device.
 
-/// Why a call was refused or stopped.
+/// The reason why a call was refused or stopped.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Error {
     /// An argument has an unusable value; the text names argument, value and what is accepted.
     #[error("{0}")]
     Value(String),
-    /// The device asked for cannot be used; the text says what to do.
+    /// The requested device cannot be used; the text says what to do.
     #[error("{0}")]
     Device(String),
     /// The caller asked for the work to stop.
@@ -14,10 +14,10 @@ pub enum Error {
     Cancelled,
 }
 
-/// The result of everything in the core that can be refused.
+/// The result of every function of the core that can fail.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// Shorthand for an [`Error::Value`] built like `format!`.
+/// Shorthand for an [`Error::Value`] with the arguments of `format!`.
 macro_rules! value_error {
     ($($arg:tt)*) => { $crate::error::Error::Value(format!($($arg)*)) };
 }

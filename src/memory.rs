@@ -1,4 +1,4 @@
-//! Large buffers, whose memory one render leaves to the next: touching a fresh page costs more than the work on it.
+//! Large buffers whose memory is reused by later renders: touching a fresh page costs more than the work on it.
 
 use bytemuck::Pod;
 use rayon::prelude::*;
@@ -7,10 +7,10 @@ use std::marker::PhantomData;
 use std::ops::{Deref, DerefMut};
 use std::sync::{Mutex, MutexGuard, TryLockError};
 
-/// Values that a worker fills in at a time.
-const AT_ONCE: usize = 1 << 14;
+/// Number of values that a worker fills at a time.
+const CHUNK_LEN: usize = 1 << 14;
 
-/// Plain values in memory that is kept for the next buffer of about this size.
+/// Plain values, in memory that is kept for the next buffer of about this size.
 pub struct Buffer<T: Pod> {
     words: Vec<u64>,
     len: usize,
@@ -18,11 +18,11 @@ pub struct Buffer<T: Pod> {
 }
 
 impl<T: Pod> Buffer<T> {
-    /// `len` values that mean nothing yet: each is to be written before it is read.
+    /// `len` uninitialised values: each has to be written before it is read.
     pub fn unset(len: usize) -> Buffer<T> {
         let mut words = take((len * size_of::<T>()).div_ceil(size_of::<u64>()));
         if cfg!(debug_assertions) {
-            // Not a number, so that tests notice what is read too early.
+            // NaN, so that tests notice values that are read too early.
             words.fill(u64::MAX);
         }
         Buffer { words, len, values: PhantomData }
@@ -30,14 +30,14 @@ impl<T: Pod> Buffer<T> {
 }
 
 impl<T: Pod + Send + Sync> Buffer<T> {
-    /// `len` times the same value.
+    /// `len` copies of one value.
     pub fn full(len: usize, value: T) -> Buffer<T> {
         let mut buffer = Buffer::unset(len);
-        buffer.par_chunks_mut(AT_ONCE).for_each(|chunk| chunk.fill(value));
+        buffer.par_chunks_mut(CHUNK_LEN).for_each(|chunk| chunk.fill(value));
         buffer
     }
 
-    /// Pieces one after another.
+    /// Several slices concatenated.
     pub fn concat(pieces: &[&[T]]) -> Buffer<T> {
         let mut buffer = Buffer::unset(pieces.iter().map(|piece| piece.len()).sum());
         let mut rest = &mut *buffer;
@@ -52,7 +52,7 @@ impl<T: Pod + Send + Sync> Buffer<T> {
     /// One value for each of `from`.
     pub fn of_each<A: Sync>(from: &[A], value: impl Fn(&A) -> T + Send + Sync) -> Buffer<T> {
         let mut buffer = Buffer::unset(from.len());
-        let chunks = buffer.par_chunks_mut(AT_ONCE).zip(from.par_chunks(AT_ONCE));
+        let chunks = buffer.par_chunks_mut(CHUNK_LEN).zip(from.par_chunks(CHUNK_LEN));
         chunks.for_each(|(out, from)| out.iter_mut().zip(from).for_each(|(out, from)| *out = value(from)));
         buffer
     }
@@ -114,26 +114,26 @@ impl<T: Pod> Drop for Buffer<T> {
 /// Memory that no buffer uses at the moment.
 struct Idle {
     words: Vec<u64>,
-    /// The time when it was given back.
+    /// The time at which it was returned.
     since: u64,
 }
 
-/// The memory at hand, the longest idle first.
+/// The unused memory, the longest unused first.
 struct Store {
     idle: Vec<Idle>,
-    /// Buffers handed out so far.
+    /// Number of buffers that were handed out so far.
     time: u64,
 }
 
 static STORE: Mutex<Store> = Mutex::new(Store { idle: Vec::new(), time: 0 });
 
-/// Memory that so many buffers found no use for goes back to the system: a few renders' worth.
+/// Memory that was not reused for this many buffers is returned to the system: a few renders' worth.
 const KEPT_FOR: u64 = 128;
-/// At most this much is kept, in words: 1 GiB, what a render of 8 million pixels leaves.
+/// The largest amount of unused memory, in words: 1 GiB, as much as a render of 8 million pixels leaves.
 const KEPT_WORDS: usize = 1 << 27;
 
-/// The store, unless it is in use. (Held for an instant by another thread; for good by none, but in a forked process
-/// whose parent was inside. Memory then comes from the system and goes back there.)
+/// The store, unless it is locked. Another thread locks it only for an instant. In a forked process whose parent held
+/// the lock, it stays locked; memory then comes from the system and is returned to it.
 fn store() -> Option<MutexGuard<'static, Store>> {
     match STORE.try_lock() {
         Ok(store) => Some(store),
@@ -152,7 +152,7 @@ impl Store {
         smallest.map(|i| self.idle.remove(i).words)
     }
 
-    /// Keeps memory, and returns what is to be freed for it.
+    /// Keeps memory, and returns the memory that is to be freed in exchange.
     fn keep(&mut self, words: Vec<u64>) -> Vec<Idle> {
         self.idle.push(Idle { words, since: self.time });
         let mut total: usize = self.idle.iter().map(|idle| idle.words.len()).sum();
@@ -172,11 +172,11 @@ fn take(n: usize) -> Vec<u64> {
 }
 
 fn give_back(words: Vec<u64>) {
-    // What is no longer wanted is freed after the store has been left.
+    // Memory that is no longer wanted is freed after the lock has been released.
     let _stale = if words.is_empty() { None } else { store().map(|mut store| store.keep(words)) };
 }
 
-/// `n` zeros that will all be written to, and that outlive the render: in huge pages where the system has them.
+/// `n` zeros that will all be written, and that outlive the render: in huge pages if the system has them.
 pub fn zeros<T: Copy + Default>(n: usize) -> Vec<T> {
     let zeros = vec![T::default(); n];
     advise_huge_pages(&zeros);
@@ -191,8 +191,8 @@ fn advise_huge_pages<T>(buffer: &[T]) {
     let (start, end) = (range.start.addr().next_multiple_of(HUGE), range.end.addr() / HUGE * HUGE);
     if start < end {
         let first = range.start.wrapping_byte_add(start - range.start.addr()).cast_mut();
-        // SAFETY: the pages lie inside the buffer, and the advice does not change what they hold. Whether it was
-        // taken does not matter.
+        // SAFETY: the pages lie inside the buffer, and the advice does not change their content. Whether the system
+        // follows the advice does not matter.
         unsafe { libc::madvise(first.cast(), end - start, libc::MADV_HUGEPAGE) };
     }
 }

@@ -5,27 +5,27 @@ use crate::optics::{Base, Imaging, Lens};
 use crate::plan;
 use crate::plan::lens::optical_vignetting::PupilClip;
 
-/// How to compute: each method with its own settings.
+/// The choice of a method, with its own settings.
 #[derive(Debug, Clone)]
 pub enum Method {
-    /// The integral over the lens, with visibility for every lens point.
+    /// The integral over the lens, with visibility for every lens sample.
     Lens(plan::lens::Settings),
     /// Taps scattered over each pixel's circle of confusion.
     Poisson(plan::poisson::Settings),
-    /// A wide separable blur laid over the picture.
+    /// A wide separable blur, composited over the picture.
     Gaussian(plan::gaussian::Settings),
-    /// A few look-ups at fixed places.
+    /// A few look-ups at fixed offsets.
     Taps(plan::taps::Settings),
-    /// Line blurs that make up a hexagon.
+    /// Line blurs that form a hexagon.
     Hexagonal(plan::hexagonal::Settings),
-    /// Between the targets of a chain of filters.
+    /// Interpolation between the targets of a chain of filters.
     Levels(plan::levels::Settings),
-    /// Blurred pixels drawn one by one.
+    /// Blurred pixels drawn as sprites.
     Sprites(plan::sprites::Settings),
 }
 
 impl Method {
-    /// The name users give it, and the option in metres that it uses, if any.
+    /// The public name, and the option in metres that it uses, if any.
     fn describe(&self) -> (&'static str, Option<&'static str>) {
         match self {
             Method::Lens(_) => ("lens", None),
@@ -38,12 +38,12 @@ impl Method {
         }
     }
 
-    /// The name users give it.
+    /// The public name.
     pub fn name(&self) -> &'static str {
         self.describe().0
     }
 
-    /// What the falloff knows of the opening, where a second stop clips it.
+    /// The clipping of the opening that the falloff needs, if there is a second stop.
     pub(crate) fn clip_of(&self, imaging: &Imaging) -> Option<PupilClip> {
         match self {
             Method::Lens(settings) => settings.clip_of(imaging),
@@ -51,8 +51,9 @@ impl Method {
         }
     }
 
-    /// Refuses pictures of so many layers and light channels, and lenses, that the method cannot work with. Every
-    /// method honours what the thin lens itself, its focus surface or a whole picture can express.
+    /// Refuses combinations that the method does not support: numbers of layers and of light channels, and properties
+    /// of the lens. Every method supports everything that the thin lens itself, its focus surface or an operation on
+    /// whole pictures can express.
     pub fn check(&self, lens: &Lens, layers: usize, lights: usize) -> Result<()> {
         let (name, metric_option) = self.describe();
         if layers > 1 && !matches!(self, Method::Lens(_)) {
@@ -66,12 +67,12 @@ impl Method {
                 "lens: cat_eye is for method=\"lens\"; method={name:?} draws the same opening everywhere"
             ));
         }
-        for (flaw, values) in
+        for (aberration, values) in
             [("axial_color", lens.aberrations.axial_color), ("lateral_color", lens.aberrations.lateral_color)]
         {
             if values != [values[0]; 3] && lights != 3 {
                 return Err(value_error!(
-                    "lens: {flaw} needs color of three channels, red, green and blue; got {lights}"
+                    "lens: {aberration} needs color of three channels, red, green and blue; got {lights}"
                 ));
             }
         }

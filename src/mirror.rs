@@ -1,13 +1,13 @@
-//! What lies beyond the border of the picture: its mirror image.
+//! The mirror image of the picture beyond its border.
 
-/// Half-sample symmetric extension, however far out: `.. 1 0 | 0 1 2 .. n-1 | n-1 n-2 ..`. The index, and whether
-/// it is a mirror image.
+/// Half-sample symmetric extension, at any distance: `.. 1 0 | 0 1 2 .. n-1 | n-1 n-2 ..`. Returns the index, and
+/// whether it is a mirror image.
 pub fn mirrored(i: i64, n: usize) -> (usize, bool) {
     let i = i.rem_euclid(2 * n as i64) as usize;
     if i < n { (i, false) } else { (2 * n - 1 - i, true) }
 }
 
-/// Fills `out` with a row from index `first` on, continued as its mirror image.
+/// Fills `out` with a row, starting at index `first`; the row is mirrored at its ends.
 pub fn read_mirrored(row: &[f32], first: i64, out: &mut [f32]) {
     let inside = |i: i64| (i - first).clamp(0, out.len() as i64) as usize;
     let (start, end) = (inside(0), inside(row.len() as i64));

@@ -1,4 +1,4 @@
-//! What a render starts from: validated colour and disparity, planar, in `f32`.
+//! The input of a render: validated colour and disparity, planar, in `f32`.
 
 use crate::memory::Buffer;
 use rayon::prelude::*;
@@ -22,14 +22,14 @@ impl Size {
     }
 }
 
-/// The surface that every pixel of one layer sees.
+/// The surface that the pixels of one layer show.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Layer {
-    /// Linear colour, one plane a channel; premultiplied if the last channel is coverage.
+    /// Linear colour, one plane per channel; premultiplied if the last channel is coverage.
     pub color: Arc<Buffer<f32>>,
     /// Disparity of every pixel.
     pub disparity: Buffer<f32>,
-    /// Its least and its greatest, once they have been asked for.
+    /// Its least and its greatest value, computed when first needed.
     range: OnceLock<[f32; 2]>,
 }
 
@@ -41,7 +41,7 @@ impl Layer {
 
     /// The least and the greatest disparity.
     pub fn disparity_range(&self) -> [f32; 2] {
-        // Not found inside the lock: workers that wait for one another there could wait for themselves.
+        // The search is not done inside the lock: workers that wait for one another there could wait for themselves.
         let found = self.range.get().copied();
         found.unwrap_or_else(|| {
             let found = range(&self.disparity);
@@ -50,13 +50,13 @@ impl Layer {
     }
 }
 
-/// The least and the greatest of some values, NaN left out; where there is none, infinity and its negative.
+/// The least and the greatest of some values, ignoring NaN; infinity and its negative if there are none.
 pub fn range(values: &[f32]) -> [f32; 2] {
     const LANES: usize = 16;
     let lesser = |a: f32, b: f32| if b < a { b } else { a };
     let greater = |a: f32, b: f32| if b > a { b } else { a };
     let of = |values: &[f32]| {
-        // Whole arrays from whole arrays, each in a pass of its own: of that the compiler makes vectors.
+        // Whole arrays are updated from whole arrays, each in a loop of its own: the compiler vectorises this.
         let (blocks, rest) = values.as_chunks::<LANES>();
         let least = blocks
             .iter()
@@ -73,7 +73,7 @@ pub fn range(values: &[f32]) -> [f32; 2] {
     values.par_chunks(1 << 14).map(of).reduce(|| of(&[]), both)
 }
 
-/// Colour and disparity in layers, front to back, of one size.
+/// Colour and disparity in layers of one size, front to back.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture {
     /// The frame.
@@ -83,7 +83,7 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// These channels alone.
+    /// Only these channels.
     pub fn of_channels(&self, channels: &[usize]) -> Picture {
         let n = self.size.pixels();
         let layers = self.layers.iter().map(|layer| {
@@ -93,7 +93,7 @@ impl Picture {
         Picture { size: Size { channels: channels.len(), ..self.size }, layers: layers.collect() }
     }
 
-    /// The same picture with `offset(x, y)` taken off its disparity.
+    /// The same picture with `offset(x, y)` subtracted from its disparity.
     pub fn less(&self, offset: impl Fn(f64, f64) -> f64 + Sync) -> Picture {
         let width = self.size.width;
         let layers = self.layers.iter().map(|layer| {
@@ -109,11 +109,11 @@ impl Picture {
     }
 }
 
-/// The channel that coverage is, in pictures of three colours.
+/// The index of the coverage channel in pictures of three colours.
 pub(crate) const COVERAGE: usize = 3;
 
-/// The channels that are rendered at the focus of a colour: itself, and coverage, which colours need where there is
-/// one.
+/// The channels that are rendered at the focus of a colour: the colour itself, and coverage, if there is one, because
+/// the colour needs it.
 pub(crate) fn channels_at(color: usize, channels: usize) -> Vec<usize> {
     if channels > COVERAGE { vec![color, COVERAGE] } else { vec![color] }
 }

@@ -1,4 +1,4 @@
-//! A scene on a device, and its pictures. Here alone the device decides which code runs.
+//! A scene on a device, and its renders. Only here does the device decide which code runs.
 
 use crate::cancel::Cancel;
 use crate::device::Device;
@@ -12,7 +12,7 @@ use crate::{cpu, gpu};
 
 pub use crate::gpu::PassTime;
 
-/// A scene, with what devices keep of it from one picture to the next.
+/// A scene, with the data that devices keep of it from one picture to the next.
 pub struct Renderer {
     scene: Scene,
     cache: gpu::SceneCache,
@@ -25,9 +25,9 @@ impl Renderer {
         Renderer { scene: Scene::new(picture, lights, supersample), cache: gpu::SceneCache::default() }
     }
 
-    /// The scene through each of some lenses, into a picture of `outs` each: interleaved, premultiplied where it has
-    /// coverage. The method has been [checked](Method::check). Returns the passes that made them, in order; none on the
-    /// CPU, and where a GPU keeps no time.
+    /// Renders the scene through each of some lenses into one of `outs` each: interleaved, and premultiplied if there
+    /// is coverage. The method must have been [checked](Method::check). Returns the GPU passes in order, with their
+    /// times; empty on the CPU, and if the GPU cannot measure time.
     pub fn render_each(
         &self,
         lenses: &[Imaging],

@@ -1,4 +1,4 @@
-//! Work on the rows of an interleaved picture, in parallel and interruptible.
+//! Work on the rows of an interleaved picture, parallel and cancellable.
 
 use crate::cancel::Cancel;
 use crate::error::Result;
@@ -6,14 +6,14 @@ use crate::picture::Size;
 use rayon::prelude::*;
 use std::ops::Index;
 
-/// Rows that one worker takes at a time.
+/// Number of rows that one worker takes at a time.
 const BAND: usize = 8;
-/// Rows or blocks that a worker takes at a time, where some cost a hundred times as much as others: what one worker has
-/// begun nobody can take over.
-pub const AT_ONCE: usize = 8;
+/// Number of rows or blocks that a worker takes at a time if some cost a hundred times as much as others: no other
+/// worker can take over work that one worker has begun.
+pub const ITEMS_PER_TASK: usize = 8;
 
-/// An interleaved picture of `size` in bands of `rows` rows, each made by `band(scratch, first_y, out)`; every worker
-/// has a `scratch` of its own.
+/// Renders an interleaved picture of `size` in bands of `rows` rows; `band(scratch, first_y, out)` renders one band.
+/// Every worker has a `scratch` of its own.
 pub fn render_bands<S>(
     out: &mut [f32],
     size: Size,
@@ -22,15 +22,34 @@ pub fn render_bands<S>(
     scratch: impl Fn() -> S + Sync + Send,
     band: impl Fn(&mut S, usize, &mut [f32]) + Sync + Send,
 ) -> Result<()> {
-    let length = size.width * size.channels;
-    out.par_chunks_mut(rows * length).enumerate().try_for_each_init(scratch, |scratch, (i, out)| {
+    let worker = || -> Worker {
+        let mut scratch = scratch();
+        let band = &band;
+        Box::new(move |first, out| band(&mut scratch, first, out))
+    };
+    share_bands(out, rows, size.width * size.channels, cancel, &worker)
+}
+
+/// Renders the band that begins at a row.
+type Worker<'a> = Box<dyn FnMut(usize, &mut [f32]) + 'a>;
+
+/// Shares bands of `rows` rows of `length` values among workers. Compiled once for all methods and numbers of channels.
+fn share_bands<'a>(
+    out: &mut [f32],
+    rows: usize,
+    length: usize,
+    cancel: &Cancel,
+    worker: &(dyn Fn() -> Worker<'a> + Sync),
+) -> Result<()> {
+    out.par_chunks_mut(rows * length).enumerate().try_for_each_init(worker, |worker, (i, out)| {
         cancel.check()?;
-        band(scratch, i * rows, out);
+        worker(i * rows, out);
         Ok(())
     })
 }
 
-/// An interleaved picture of `size`, each row made by `row(scratch, y, out)`; every worker has a `scratch` of its own.
+/// Renders an interleaved picture of `size`; `row(scratch, y, out)` renders one row. Every worker has a `scratch` of
+/// its own.
 pub fn render_rows<S>(
     out: &mut [f32],
     size: Size,
@@ -45,7 +64,7 @@ pub fn render_rows<S>(
     })
 }
 
-/// From `a` to `b`; exact where they are equal.
+/// Interpolates from `a` to `b`; exact if they are equal.
 #[inline(always)]
 pub fn mix(a: f32, b: f32, fraction: f32) -> f32 {
     a + fraction * (b - a)
@@ -63,7 +82,7 @@ pub fn greater(a: f32, b: f32) -> f32 {
     if b > a { b } else { a }
 }
 
-/// Puts the first pixels of a row of planes, or of blocks of them, into an interleaved row, as many as that has.
+/// Interleaves the first pixels of a row of planes, or of blocks of planes: as many as `out` holds.
 #[inline(always)]
 pub fn interleave<const C: usize, P: Index<usize, Output = f32> + ?Sized>(planes: [&P; C], out: &mut [f32]) {
     for (x, pixel) in out.chunks_exact_mut(C).enumerate() {
@@ -73,7 +92,7 @@ pub fn interleave<const C: usize, P: Index<usize, Output = f32> + ?Sized>(planes
     }
 }
 
-/// Several planes cut into bands of `len` values, side by side.
+/// Cuts several planes into bands of `len` values; each band has its part of every plane.
 pub fn bands<'a>(planes: impl Iterator<Item = &'a mut [f32]>, len: usize) -> Vec<Vec<&'a mut [f32]>> {
     let mut bands = Vec::new();
     for plane in planes {

@@ -1,9 +1,9 @@
-//! Instruction sets, chosen when the program runs.
+//! Instruction sets, chosen at run time.
 
-/// The instruction sets that there are code paths for.
+/// The instruction sets for which there are code paths.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum InstructionSet {
-    /// What every processor of this kind has.
+    /// The baseline of every processor of this architecture.
     Portable,
     /// 256-bit vectors.
     #[cfg(target_arch = "x86_64")]
@@ -14,7 +14,7 @@ pub(crate) enum InstructionSet {
 }
 
 impl InstructionSet {
-    /// Whether this processor has it.
+    /// Whether this processor supports it.
     fn is_detected(self) -> bool {
         match self {
             InstructionSet::Portable => true,
@@ -31,16 +31,16 @@ impl InstructionSet {
     }
 }
 
-/// A proof that this processor has an instruction set: there is no value of one that was not detected. All give the same
-/// bits: the compiler neither reorders sums nor fuses products into them.
+/// A proof that this processor supports an instruction set: no value exists for one that was not detected. All
+/// instruction sets give the same bits: the compiler neither reorders sums nor fuses multiplications into them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Simd(InstructionSet);
 
 impl Simd {
-    /// What every processor of this kind has.
+    /// The baseline of every processor of this architecture.
     pub const PORTABLE: Simd = Simd(InstructionSet::Portable);
 
-    /// Every name, the best last.
+    /// All names, the best last.
     pub const NAMES: &[&str] = &[
         "portable",
         #[cfg(target_arch = "x86_64")]
@@ -49,7 +49,7 @@ impl Simd {
         "avx512",
     ];
 
-    /// All that this processor can run, the best last.
+    /// All instruction sets that this processor supports, the best last.
     pub fn available() -> Vec<Simd> {
         let all = [
             InstructionSet::Portable,
@@ -71,15 +71,16 @@ impl Simd {
         self.0
     }
 
-    /// Does `work`, compiled for this instruction set.
+    /// Runs `work`, compiled for this instruction set.
     ///
-    /// Only what is inlined is: a closure that does more than a little must be passed as `#[inline(always)] || ..`, and
-    /// all that it calls be marked likewise. One that the compiler leaves by itself is compiled once, for the least.
+    /// Only code that is inlined is compiled for it. A closure that is not trivial must be passed as
+    /// `#[inline(always)] || ..`, and all functions that it calls must be marked likewise. A closure that the
+    /// compiler does not inline is compiled once, for the baseline.
     #[inline(always)]
     pub fn run<T>(self, work: impl FnOnce() -> T) -> T {
         match self.0 {
             InstructionSet::Portable => work(),
-            // SAFETY: the instructions have been detected, or there were no such value.
+            // SAFETY: the instructions have been detected, otherwise this value would not exist.
             #[cfg(target_arch = "x86_64")]
             InstructionSet::Avx2 => unsafe { avx2(work) },
             // SAFETY: as above.

@@ -74,7 +74,8 @@ def imports(root):
         text = without_tests(path.read_text())
         uses = [re.sub(r"\s+", "", use) for use in re.findall(r"\buse\s+([^;]+);", text)]
         rest = re.sub(r"\buse\s+[^;]+;", "", text)
-        named = [name for use in uses for name in expanded(use)] + re.findall(r"(?<![\w:])(?:\w+::)+\w+", rest)
+        named = [name for use in uses for name in expanded(use)]
+        named += re.findall(r"(?<![\w:])(?:\w+::)+\w+", rest)
         graph[module] = {found for name in named if (found := target(module, name)) and found != module}
     return graph
 

@@ -486,7 +486,8 @@ def test_colour_that_is_no_number_is_that_of_its_neighbours(tmp_path, layered):
     filled = io.read_rgbd(path, invalid_color="neighbours").color
     first = filled[0] if layered else filled
     assert np.isnan(kept).any()
-    # At the rim of the patch it is the mean of what lies outside, about a pixel away; in the middle, of the rim.
+    # At the rim of the patch it is the mean of what lies outside, about a pixel away; in the middle, of the
+    # rim.
     np.testing.assert_allclose(first[3:6, 4:7], color[3:6, 4:7], atol=1.01)
     np.testing.assert_allclose(first[4, 5], color[4, 5], atol=0.2)
     np.testing.assert_array_equal(first[0, 0], color[[0, 1, 1], [1, 0, 1]].mean(axis=0))

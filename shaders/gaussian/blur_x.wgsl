@@ -1,4 +1,5 @@
-// The blur along x: every tap weighs by how far its blurriness lies above its threshold. Weighted sums and weights.
+// The blur along x: every tap is weighted by the amount by which its blurriness exceeds its threshold. The result is
+// weighted sums, and their weights.
 
 struct Params {
     half: vec2<u32>,
@@ -6,7 +7,7 @@ struct Params {
     centre_threshold: f32,
 }
 
-// It lies between texels `whole` and `whole + 1`, on both sides of the centre.
+// A tap between texels `whole` and `whole + 1`, on both sides of the centre.
 struct Tap {
     whole: i32,
     fraction: f32,
@@ -20,13 +21,13 @@ struct Tap {
 @group(0) @binding(4) var<storage, read_write> sum_color: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read_write> sum_weight: array<f32>;
 
-// Weighted colours, and what they weigh.
+// Weighted colours, and their weight.
 struct Weighted {
     color: vec4<f32>,
     total: f32,
 }
 
-// The sum with a tap between two texels of a row added.
+// Adds a tap between two texels of a row to a sum.
 fn with_tap(sum: Weighted, row: u32, near: i32, far: i32, fraction: f32, threshold: f32) -> Weighted {
     let a = row + u32(mirrored(near, i32(params.half.x)));
     let b = row + u32(mirrored(far, i32(params.half.x)));

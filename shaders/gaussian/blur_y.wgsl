@@ -1,4 +1,4 @@
-// The blur along y of weighted sums and weights alike, and the division of one by the other.
+// The blur along y of both the weighted sums and the weights, followed by the division of the sums by the weights.
 
 struct Params {
     half: vec2<u32>,
@@ -8,7 +8,7 @@ struct Params {
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> sum_color: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> sum_weight: array<f32>;
-// Of texels by their distance.
+// Weights of the texels by their distance.
 @group(0) @binding(3) var<storage, read> weights: array<f32>;
 @group(0) @binding(4) var<storage, read_write> blurred: array<vec4<f32>>;
 

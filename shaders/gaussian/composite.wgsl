@@ -1,4 +1,4 @@
-// The blurred copy, interpolated to full size, laid over the picture by blurriness.
+// The blurred copy, interpolated to full size and composited over the picture by blurriness.
 
 struct Params {
     size: vec2<u32>,
@@ -14,7 +14,7 @@ fn mixed(a: vec4<f32>, b: vec4<f32>, fraction: f32) -> vec4<f32> {
     return a + fraction * (b - a);
 }
 
-// The blurred copy at column x, between two of its rows.
+// The blurred copy at column x, interpolated between two of its rows.
 fn between_rows(x: i32, above: i32, fraction: f32) -> vec4<f32> {
     return mixed(
         blurred[index_in(params.half, x, above)],
@@ -28,7 +28,7 @@ fn composite(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(id.xy >= params.size) {
         return;
     }
-    // Pixel p lies at p / 2 - 1/4: a quarter of a texel before the centre of its own, or behind it.
+    // Pixel p is at texel p / 2 - 1/4: a quarter of a texel before or after the centre of its own texel.
     let own = vec2<i32>(id.xy / 2u);
     let odd = (id.xy & vec2<u32>(1u)) == vec2<u32>(1u);
     let above = select(own.y - 1, own.y, odd.y);

@@ -1,4 +1,4 @@
-// The half-size copy: means of two by two pixels, of their colours and of their blurriness.
+// The half-size copy: means of two by two pixels, of both colours and blurriness.
 
 struct Params {
     size: vec2<u32>,

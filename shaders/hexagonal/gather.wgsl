@@ -1,4 +1,4 @@
-// The first pass: both targets, from the picture. The second has the lines of the first as well.
+// The first pass: both targets, gathered from the picture. The second target also has the lines of the first.
 
 @group(0) @binding(4) var<storage, read_write> first: array<Texel>;
 @group(0) @binding(5) var<storage, read_write> second: array<Texel>;
@@ -30,7 +30,7 @@ fn gather(@builtin(global_invocation_id) id: vec3<u32>) {
     var sums = Sums();
     for (var line = 0u; line < params.count; line++) {
         sums = add_line(sums, params.lines[line], at, own);
-        // Divided by its radius, as the picture's own light.
+        // Divided by its radius, like the picture's own light.
         let share = select(0.0, 1.0 / sums.radius, sums.radius > 0.0);
         let parts = vec4<f32>(share * sums.near.coverage, sums.radius, sums.rest.seen, 0.0);
         let texel = Texel(share * sums.near.color, sums.rest.color, parts);

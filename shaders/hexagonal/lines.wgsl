@@ -1,7 +1,7 @@
-// Light along lines, from circles of confusion that reach a pixel: plan/hexagonal.rs. Of the pass that uses this are
-// `near_radius`, `near_light` and `rest_light`: what a place holds, of the picture or of a target.
+// Light that travels along lines to a pixel, from circles of confusion that reach it: plan/hexagonal.rs. The pass
+// that includes this file defines `near_radius`, `near_light` and `rest_light`, which read the picture or a target.
 
-// One look-up on the way along a line.
+// One look-up along a line.
 struct Tap {
     dx: i32,
     dy: i32,
@@ -12,20 +12,20 @@ struct Tap {
 
 struct Params {
     size: vec2<u32>,
-    // Targets have a margin around the picture: their size, and the place of the picture's first pixel.
+    // Targets have a margin around the picture: their size, and the position of the picture's first pixel.
     frame: vec2<u32>,
     origin: vec2<u32>,
     count: u32,
     // One over the number of parallelograms in the sum.
     scale: f32,
-    // First tap of each line, the one after its last, and the target that it belongs to.
+    // For each line: its first tap, the one after its last, and the index of its target.
     lines: array<vec4<u32>, 4>,
     max_coc_px: f32,
     @align(16) shift: Defocus,
 }
 
-// What a target holds of a pixel: light in front over its radius, what is seen of the rest, and in `parts` the coverage and
-// the radius of the light in front, and how much is seen of the rest.
+// A pixel of a target: light in front over its radius, and the visible light of the rest. `parts` holds the coverage
+// and the radius of the light in front, and the visible part of the rest.
 struct Texel {
     near: vec4<f32>,
     rest: vec4<f32>,
@@ -38,13 +38,13 @@ struct Near {
     coverage: f32,
 }
 
-// What is not in front, times the part of it that is seen, and that part.
+// Everything that is not in front: its colour times the visible part of it, and that part.
 struct Rest {
     color: vec4<f32>,
     seen: f32,
 }
 
-// What lines bring to a pixel.
+// The sums over the lines of a pixel.
 struct Sums {
     near: Near,
     // The largest circle of confusion of the light in front.
@@ -65,13 +65,14 @@ fn frame_index(at: vec2<i32>) -> u32 {
     return place.y * params.frame.x + place.x;
 }
 
-// How much of a step of a line a circle of confusion reaches, times the step's share.
+// The fraction of a line's step that a circle of confusion reaches, times the step's share.
 fn part(tap: Tap, radius: f32) -> f32 {
     return tap.share * clamp(radius - tap.from_px, 0.0, tap.step_px);
 }
 
-// The weight of what is not in front, as seen from a pixel with the circle of confusion `own`: one behind the focus sees
-// what circles of less than twice its own bring, one in front looks behind itself as far as its own reaches.
+// The weight of light that is not in front, for a pixel with the circle of confusion `own`. A pixel behind the focus
+// receives light from circles smaller than twice its own. A pixel in front gathers the light behind itself as far as
+// its own circle reaches.
 fn rest_weight(tap: Tap, own: f32, coc: f32) -> f32 {
     if own < 0.0 {
         return part(tap, -own);
@@ -79,7 +80,7 @@ fn rest_weight(tap: Tap, own: f32, coc: f32) -> f32 {
     return select(0.0, part(tap, coc) / max(coc, 1e-30), coc > 0.0 && coc < 2.0 * own);
 }
 
-// What one line of a target brings to a pixel.
+// Adds one line of a target at a pixel.
 fn add_line(sums: Sums, line: vec4<u32>, at: vec2<i32>, own: f32) -> Sums {
     var out = sums;
     var along = Rest();
@@ -104,7 +105,7 @@ fn add_line(sums: Sums, line: vec4<u32>, at: vec2<i32>, own: f32) -> Sums {
             total += weight;
         }
     }
-    // Where nothing reaches a pixel, it sees itself; what is behind the focus is seen as much as itself.
+    // A pixel that no light reaches shows itself. The visible part of a pixel behind the focus is its own.
     let itself = rest_light(line.z, at, own);
     out.rest.color += select(itself.color, along.color / max(total, 1e-30), total > 0.0);
     let behind = select(0.0, along.seen / max(total, 1e-30), total > 0.0);

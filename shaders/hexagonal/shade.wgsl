@@ -1,4 +1,4 @@
-// The second pass: the targets blurred and added, and the light in front laid over the rest.
+// The second pass: blurs and adds the targets, and composites the light in front over the rest.
 
 @group(0) @binding(4) var<storage, read> first: array<Texel>;
 @group(0) @binding(5) var<storage, read> second: array<Texel>;
@@ -31,16 +31,16 @@ fn rest_light(target_index: u32, at: vec2<i32>, coc: f32) -> Rest {
     return Rest(second[i].rest, second[i].parts.z);
 }
 
-// The layers put together.
+// Composites the layers.
 fn over(sums: Sums, sharp: vec4<f32>, coc: f32) -> vec4<f32> {
     let near = params.scale * sums.near.color;
     let coverage = params.scale * sums.near.coverage;
     let rest = params.scale * sums.rest.color;
     if coc < 0.0 {
-        // A surface in front is as opaque as it is there, and what it lets past is what is seen around it.
+        // A surface in front is as opaque as its coverage; the light that passes it is the visible light around it.
         return (near + rest) / (coverage + params.scale * sums.rest.seen);
     }
-    // Blurred and sharp are blended over the first pixel of the circle of confusion.
+    // Blurred and sharp colours are blended over the first pixel of the circle of confusion.
     let behind = sharp + min(coc, 1.0) * (rest - sharp);
     let excess = max(coverage, 1.0);
     return near / excess + (1.0 - coverage / excess) * behind;

@@ -1,8 +1,8 @@
-// The cells' colours with some of their channels alone.
+// Selects some channels of the cells' colours.
 
 struct Params {
     size: vec2<u32>,
-    // Their numbers; one that there is none of is 4.
+    // The numbers of the channels; 4 stands for none.
     channels: vec2<u32>,
 }
 

@@ -1,4 +1,4 @@
-// Tiles in focus, as the pinhole saw them: layers over one another.
+// Tiles in focus, as the pinhole sees them: their layers composited.
 
 struct Params {
     size: vec2<u32>,

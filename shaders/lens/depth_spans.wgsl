@@ -3,7 +3,7 @@
 // The shift of empty cells.
 const NOWHERE: f32 = 1e30;
 
-// The depths of a cell: from the one in the low half to the one in the high half. Both are 0 where there is none.
+// The depth span of a cell, from the code in the low half to the code in the high half. Both are 0 if it is empty.
 fn farthest(codes: u32) -> u32 {
     return codes & 0xffffu;
 }
@@ -12,18 +12,18 @@ fn nearest(codes: u32) -> u32 {
     return codes >> 16u;
 }
 
-// Half up, and away from zero.
+// Rounds to the nearest integer, halves away from zero.
 fn rounded(v: f32) -> f32 {
     return sign(v) * floor(abs(v) + 0.5);
 }
 
-// The part of a pixel that a cell covers: on one side of a line. Its normal, and its distance from the centre.
+// The part of a pixel that a cell covers, on one side of a line: the line's normal, and its distance from the centre.
 struct HalfPlane {
     normal: vec2<f32>,
     cut: f32,
 }
 
-// -1 for a place that is seen in the mirror, along each axis.
+// For each axis, -1 if a position is mirrored along it.
 fn mirroring(size: vec2<u32>, x: i32, y: i32) -> vec2<f32> {
     let flipped = vec2<bool>(is_mirrored(x, i32(size.x)), is_mirrored(y, i32(size.y)));
     return select(vec2<f32>(1.0), vec2<f32>(-1.0), flipped);

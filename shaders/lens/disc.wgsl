@@ -1,23 +1,23 @@
-// Tiles that see one closed surface of nearly constant depth: the exact opening by running sums: cpu/lens/disc.rs.
+// Tiles that show one closed surface of nearly constant depth: the exact opening by running sums: cpu/lens/disc.rs.
 
 struct Params {
     size: vec2<u32>,
     s_focus: f32,
-    // Radius steps of discs: to a pixel, below and above `small_px`; discs are `apart` steps apart.
+    // Radius steps per pixel, below and above `small_px`; discs are `apart` steps apart.
     small_px: f32,
     fine: f32,
     coarse: f32,
     apart: f32,
-    // The disc that kernel 0 is.
+    // The disc of kernel 0.
     first_step: i32,
-    // The rows of discs that this pass adds.
+    // The rows of the discs that this pass adds.
     first_row: u32,
     end_row: u32,
 }
 
 struct Tile {
     origin: vec2<u32>,
-    // The disc of all its pixels; negative where each has its own.
+    // The kernel of all its pixels; negative if it varies between pixels.
     kernel: i32,
 }
 
@@ -31,7 +31,7 @@ override CHANNELS: u32 = 3u;
 @group(0) @binding(5) var<storage, read> tiles: array<Tile>;
 @group(0) @binding(6) var<storage, read_write> picture: array<f32>;
 
-// The sum of the x cells from the beginning of a row, which goes on as its mirror image.
+// The sum of the first x cells of a row, which is mirrored at its ends.
 fn sum_before(row: u32, x: i32) -> vec4<f32> {
     let width = i32(params.size.x);
     let period = 2 * width;
@@ -47,7 +47,7 @@ fn sum_before(row: u32, x: i32) -> vec4<f32> {
     return sum;
 }
 
-// The sum of cells `first .. end` of a row, which goes on as its mirror image.
+// The sum of cells `first .. end` of a row, which is mirrored at its ends.
 fn sum_between(y: u32, first: i32, end: i32) -> vec4<f32> {
     let row = y * (params.size.x + 1u);
     if first >= 0 && end <= i32(params.size.x) {
@@ -56,7 +56,7 @@ fn sum_between(y: u32, first: i32, end: i32) -> vec4<f32> {
     return sum_before(row, end) - sum_before(row, first);
 }
 
-// The mean over a disc around a pixel, or what the rows of this pass contribute to it.
+// The mean over a disc around a pixel, or the contribution of this pass's rows to it.
 fn convolved(at: vec2<i32>, kernel: Kernel) -> vec4<f32> {
     var runs = vec4<f32>();
     var edges = vec4<f32>();
@@ -74,7 +74,7 @@ fn convolved(at: vec2<i32>, kernel: Kernel) -> vec4<f32> {
     return kernel.run_weight * runs + edges;
 }
 
-// Where a shift lies between the discs.
+// The position of a shift on the scale of the discs between which pixels are interpolated.
 fn position(s: f32) -> f32 {
     let t = s - params.s_focus;
     let r = abs(t);
@@ -87,7 +87,7 @@ fn blurred(at: vec2<u32>, tile: Tile) -> vec4<f32> {
     if tile.kernel >= 0 {
         return convolved(place, kernel_at(u32(tile.kernel)));
     }
-    // Between two discs.
+    // Interpolates between two discs.
     let p = position(shifts[at.y * params.size.x + at.x]);
     let below = floor(p);
     let kernel = u32(i32(below) - params.first_step);

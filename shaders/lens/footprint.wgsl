@@ -4,7 +4,7 @@ struct Footprint {
     s_focus: f32,
     steps_per_px: f32,
     entries: u32,
-    // The variance that weighing the four direct neighbours can add.
+    // The variance that the four direct neighbours can add.
     next_cells: f32,
 }
 

@@ -1,4 +1,4 @@
-// Highlights as exact discs, where nothing nearer is in the way: cpu/lens/highlights.rs.
+// Highlights as exact discs, with their visibility: cpu/lens/highlights.rs.
 
 struct Params {
     size: vec2<u32>,
@@ -8,15 +8,15 @@ struct Params {
     block: i32,
     layers: u32,
     s_focus: f32,
-    // The largest shift there is.
+    // The largest shift of any cell.
     reach_px: f32,
-    // Codes are shifts: s = s_min + (code - 1) step.
+    // The coding of shifts: s = s_min + (code - 1) step.
     s_min: f32,
     step: f32,
     @align(16) second_stop: SecondStop,
 }
 
-// A bright point: its pixel, shift and depth, its disc, and its light.
+// A highlight: its pixel, its shift and depth, its disc, and its light.
 struct Highlight {
     light: vec4<f32>,
     place: vec2<i32>,
@@ -25,7 +25,7 @@ struct Highlight {
     kernel: u32,
 }
 
-// A tile, and those of the highlights that reach it that this pass draws.
+// A tile, and the range of its highlights that this pass draws.
 struct Tile {
     origin: vec2<u32>,
     first: u32,
@@ -40,7 +40,7 @@ override CHANNELS: u32 = 3u;
 @group(0) @binding(3) var<storage, read> kernels: array<u32>;
 @group(0) @binding(4) var<storage, read> highlights: array<Highlight>;
 @group(0) @binding(5) var<storage, read> tiles: array<Tile>;
-// Numbers of the highlights of each tile.
+// The indices of the highlights of each tile.
 @group(0) @binding(6) var<storage, read> lists: array<u32>;
 // The nearest code in each block of the padded frame.
 @group(0) @binding(7) var<storage, read> block_nearest: array<u32>;
@@ -50,7 +50,7 @@ fn open_value(i: u32) -> f32 {
     return bitcast<f32>(kernels[i]);
 }
 
-// How much of a pixel a disc covers, at an offset from its centre.
+// The part of a pixel that a disc covers, at an offset from the disc's centre.
 fn weight_at(kernel: Kernel, d: vec2<i32>) -> f32 {
     let i = d.y - kernel.first_dy;
     if i < 0 || i >= i32(kernel.count) {
@@ -92,7 +92,7 @@ fn area_below(normal: vec2<f32>, cut: f32) -> f32 {
     return select(1.0 - area, area, cut <= 0.0);
 }
 
-// How much of a beam one pixel wide, passing a cell at an offset from its centre, meets what the cell covers.
+// The fraction of a beam one pixel wide that a cell hides, if the beam passes it at an offset from its centre.
 fn covered(cell: u32, at: vec2<i32>, offset: vec2<f32>) -> f32 {
     let number = half_planes[cell];
     if number == 0u {
@@ -104,7 +104,7 @@ fn covered(cell: u32, at: vec2<i32>, offset: vec2<f32>) -> f32 {
     return area_below(normal, bitcast<f32>(half_planes[words + 2u]) - (normal.x * offset.x + normal.y * offset.y));
 }
 
-// After how many steps at the earliest a ray from a padded cell leaves its block.
+// A lower bound on the number of steps after which a ray from a padded cell leaves its block.
 fn steps_inside(cell: vec2<i32>, slope: vec2<f32>) -> i32 {
     var steps = 1e9;
     for (var i = 0; i < 2; i++) {
@@ -117,7 +117,7 @@ fn steps_inside(cell: vec2<i32>, slope: vec2<f32>) -> i32 {
     return max(i32(steps), 1);
 }
 
-// How much of a pixel's rays from about the lens point `l` meets nothing before it meets the highlight.
+// The fraction of a pixel's rays near lens point `l` that meet nothing before they meet the highlight.
 fn visible_from(highlight: Highlight, l: vec2<f32>) -> f32 {
     let longest = max(abs(l.x), abs(l.y));
     if longest == 0.0 {
@@ -127,10 +127,10 @@ fn visible_from(highlight: Highlight, l: vec2<f32>) -> f32 {
         return 0.0;
     }
     let code_per_step = 1.0 / (longest * params.step);
-    // Step by step outwards from the highlight, a cell at a time along the longer axis.
+    // Steps outwards from the highlight, one cell at a time along the longer axis.
     let slope = l / longest;
     let steps = i32(ceil((params.reach_px - highlight.t) * longest));
-    // A straight edge may be met in more than one cell, and still hides what it hides once.
+    // A straight edge may be met in more than one cell, but must hide its part of the beam only once.
     var visible = 1.0;
     var k = 1;
     while k <= steps {
@@ -145,7 +145,7 @@ fn visible_from(highlight: Highlight, l: vec2<f32>) -> f32 {
         let to_code = u32(min(f32(highlight.code) + (f32(k) + 0.5) * code_per_step, 65535.0));
         let block = padded / params.block;
         if block_nearest[u32(block.y) * (params.padded.x / u32(params.block)) + u32(block.x)] < from_code {
-            // Nothing in this block is near enough, and the ray only comes nearer.
+            // No cell in this block is near enough, and the ray only comes nearer to the camera.
             k += steps_inside(padded, slope);
             continue;
         }
@@ -154,7 +154,8 @@ fn visible_from(highlight: Highlight, l: vec2<f32>) -> f32 {
             let cell = layer * params.size.x * params.size.y + pixel;
             let lo = farthest(codes[cell]);
             if nearest(codes[cell]) >= from_code && lo < to_code {
-                // Where the ray passes this cell, from its centre: on the line through the highlight.
+                // The position of the ray in this cell, relative to the cell's centre; the ray passes through the
+                // highlight.
                 let t_cell = params.s_min + (f32(lo) - 1.0) * params.step - params.s_focus - highlight.t;
                 visible = min(visible, 1.0 - covered(cell, at, l * t_cell - moved));
             }

@@ -1,4 +1,4 @@
-// The discs of a frame as words, packed by gpu/lens/kernels.rs: a head for each, then rows, then single pixels.
+// The discs of a frame as words, written by gpu/lens/kernels.rs: a head for each disc, then rows, then single pixels.
 
 struct Kernel {
     // Index of the first row's words.
@@ -8,7 +8,7 @@ struct Kernel {
     run_weight: f32,
 }
 
-// Columns `run.x .. run.y` are covered whole; others are listed from index `partial` on.
+// Columns `run.x .. run.y` are covered completely; the others are listed from index `partial` on.
 struct KernelRow {
     run: vec2<i32>,
     partial: u32,

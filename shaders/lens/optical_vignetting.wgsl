@@ -1,7 +1,8 @@
-// Optical vignetting: what the barrel of a lens hides of the opening: plan/lens/optical_vignetting.rs. Of the pass that uses this is `open_value`: the table of
-// open parts, by the direction of the second stop and then by its distance.
+// Optical vignetting: the part of the opening that the barrel of a lens hides: plan/lens/optical_vignetting.rs. The
+// pass that includes this file defines `open_value`, the table of open parts by the direction of the second stop and
+// then by its distance.
 
-// The second stop: how far it is moved across the opening, in radii, and the table's size and place.
+// The second stop: its displacement across the opening, in radii, and the size and position of the table.
 struct SecondStop {
     centre: vec2<f32>,
     per_px: f32,
@@ -31,7 +32,7 @@ fn open_along(second_stop: SecondStop, direction: u32, apart: f32) -> f32 {
     return nearer + (apart - f32(i)) * (open_value(at + 1u) - nearer);
 }
 
-// The part of the light of the opening that is seen with the second stop there.
+// The part of the opening's light that remains with the second stop at this position.
 fn open_part(second_stop: SecondStop, stop: vec2<f32>) -> f32 {
     let farthest = f32(second_stop.distances);
     let apart = min(length(stop) * 0.5 * farthest, farthest);
@@ -45,12 +46,12 @@ fn open_part(second_stop: SecondStop, stop: vec2<f32>) -> f32 {
     return along + (turn - f32(direction)) * (open_along(second_stop, direction + 1u, apart) - along);
 }
 
-// How much more than of the whole opening's light a pixel has of what it sees through lens point `l`, where the opening
-// is drawn `t` pixels large.
+// The weight of lens point `l` for a pixel, relative to a pixel that sees the whole opening. The opening is drawn `t`
+// pixels large.
 fn clipped_share(second_stop: SecondStop, at: vec2<f32>, l: vec2<f32>, t: f32) -> f32 {
     let stop = stop_of(second_stop, at);
     var pupil = l / (1.0 - length(second_stop.lean) + dot(second_stop.lean, l));
-    // A pixel on the rim of the lens itself is looked at half a pixel inside, where its light is.
+    // A pixel on the rim of the lens itself is evaluated half a pixel inside, where its light is.
     let innermost = max(1.0 - 0.5 / abs(t), 0.0) / max(length(pupil), 1e-9);
     pupil *= min(innermost, 1.0);
     let open = open_part(second_stop, stop);

@@ -1,4 +1,4 @@
-// Gives some cells another colour.
+// Replaces the colours of some cells.
 
 struct Params {
     count: u32,

@@ -1,4 +1,5 @@
-// Cells as they are drawn, sharpened against the blur of drawing them at fractions of a pixel: cpu/lens/padded_colors.rs.
+// Cells as they are drawn, sharpened against the blur of drawing them at fractions of a pixel:
+// cpu/lens/padded_colors.rs.
 
 struct Params {
     size: vec2<u32>,
@@ -10,12 +11,12 @@ struct Params {
 const RIGHT: u32 = 1u;
 const DOWN: u32 = 2u;
 const EDGE: u32 = 4u;
-// The connectivity of a layer whose cells are no plain pixels.
+// The connectivity of a layer whose cells are not pixels of the picture.
 const NO_CONNECTIVITY: u32 = 128u;
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(2) var<storage, read> shifts: array<f32>;
-// Four bytes to a word.
+// Four bytes per word.
 @group(0) @binding(3) var<storage, read> connectivity: array<u32>;
 @group(0) @binding(4) var<storage, read> colors: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read_write> drawn: array<vec4<f32>>;
@@ -24,7 +25,7 @@ fn connectivity_of(cell: u32) -> u32 {
     return (connectivity[cell / 4u] >> (8u * (cell % 4u))) & 0xffu;
 }
 
-// What sharpening by `kappa` moves from a cell to a neighbour; no more than a quarter of its light.
+// The amount that sharpening by `kappa` moves from a cell to a neighbour; at most a quarter of the cell's light.
 fn flow(kappa: f32, own: vec4<f32>, other: vec4<f32>) -> vec4<f32> {
     let wanted = kappa * (other - own);
     let light = 0.25 * max(min(own, other), vec4<f32>());
@@ -32,7 +33,8 @@ fn flow(kappa: f32, own: vec4<f32>, other: vec4<f32>) -> vec4<f32> {
     return max(min(wanted, most), -most);
 }
 
-// The cell that continues a cell's surface at pixel `q`, where `owner` holds the link between both; or itself.
+// The cell that continues a cell's surface at pixel `q`; pixel `owner` stores the connection between both. If there
+// is no such cell, the cell itself.
 fn neighbour(layer: u32, own: u32, s: f32, q: u32, owner: u32, bit: u32) -> u32 {
     let pixels = params.size.x * params.size.y;
     let beside = layer * pixels + q;

@@ -1,4 +1,4 @@
-// Running sums of the front layer's colours along every row: value x is the sum of the x cells before.
+// Running sums of the front layer's colours along every row: value x is the sum of the first x cells.
 
 struct Params {
     size: vec2<u32>,
@@ -14,7 +14,7 @@ var<workgroup> totals: array<vec4<f32>, 256>;
 
 @compute @workgroup_size(256)
 fn sum_rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
-    // Each thread has a segment of the row.
+    // Each thread sums a segment of the row.
     let segment = (params.size.x + THREADS - 1u) / THREADS;
     let first = min(thread * segment, params.size.x);
     let end = min(first + segment, params.size.x);
@@ -25,7 +25,7 @@ fn sum_rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_i
     }
     totals[thread] = total;
     workgroupBarrier();
-    // Doubling the distance adds up all segments up to each.
+    // Sums all segments up to each one (a prefix sum); the distance doubles in each step.
     for (var distance = 1u; distance < THREADS; distance *= 2u) {
         var before = vec4<f32>();
         if thread >= distance {

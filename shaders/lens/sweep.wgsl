@@ -1,24 +1,24 @@
 // For every sample, the nearest cell that each pixel's ray meets: cpu/lens/sweep.rs.
 //
-// A sample's trace through the depths is the same for all pixels: segments of codes, each at one offset. A workgroup sweeps
-// half a tile. It first picks those segments in which there is any cell near it, then every thread follows them for
-// four pixels, with their sums in registers.
+// A sample's trace through the depths is the same for all pixels: segments of codes, each at one offset. A workgroup
+// sweeps half a tile. It first picks the segments that contain any cell near it. Then every thread follows these
+// segments for four pixels, with their sums in registers.
 
 struct Params {
     size: vec2<u32>,
-    // Pixels of margin of the blocks, and their number to a row.
+    // Margin of the blocks in pixels, and number of blocks in a row.
     pad: u32,
     blocks_across: u32,
     block: u32,
     layers: u32,
-    // Whether rays that meet nothing are transparent, rather than unknown.
+    // Whether rays that meet no cell are transparent, rather than unknown.
     missed: u32,
     // The samples of each tile that this pass adds.
     first_sample: u32,
     end_sample: u32,
 }
 
-// A tile, its samples, and the depths that occur within reach: a bit for each high byte of a code.
+// A tile, its samples, and the depths that occur within reach, one bit for each value of a code's high byte.
 struct Tile {
     origin: vec2<u32>,
     first_sample: u32,
@@ -26,9 +26,9 @@ struct Tile {
     occupied: array<u32, 8>,
 }
 
-// At code u the ray passes the cell at `slope u + base - cell` from its centre, with the slope in front of the focus or
-// that behind it. Its segments, near to far, the first one behind the focus, and the columns that see the sample, by rows;
-// 0 where all do.
+// At code u the ray is at `slope u + base - cell` from the centre of the cell; the slope differs in front of the
+// focus and behind it. Then the sample's segments, near to far, the first one behind the focus, and the columns of
+// each row that see the sample; 0 if all do.
 struct LensSample {
     in_front: vec2<f32>,
     behind: vec2<f32>,
@@ -38,7 +38,7 @@ struct LensSample {
     columns: u32,
 }
 
-// Codes `from .. to`, in the low and the high half, are met at this offset: x in the low half, y in the high one.
+// Over codes `from .. to` (low and high half), cells at this offset are met: x in the low half, y in the high half.
 struct Segment {
     cell: u32,
     codes: u32,
@@ -48,7 +48,7 @@ struct Segment {
 const MISSED_NOTHING: u32 = 1u;
 const BATCH: u32 = 64u;
 const CAPACITY: u32 = 16u;
-// Pixels of a thread, four rows apart. Each has its own sum by name, so that all stay in registers.
+// Number of pixels of a thread, four rows apart. Each has a named sum of its own, so that all stay in registers.
 const ROWS: u32 = 4u;
 const NO_CELL: u32 = 0xffffffffu;
 
@@ -57,31 +57,31 @@ override CHANNELS: u32 = 3u;
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> codes: array<u32>;
 @group(0) @binding(2) var<storage, read> drawn: array<vec4<f32>>;
-// For each cell 0, or one more than the number of its half-plane; these follow.
+// For each cell 0, or one more than the index of its half-plane; then the half-planes.
 @group(0) @binding(3) var<storage, read> half_planes: array<u32>;
-// Views, then segments, then the columns of each sample.
+// Lens samples, then segments, then the columns of each sample.
 @group(0) @binding(4) var<storage, read> traces: array<vec4<u32>>;
 @group(0) @binding(5) var<storage, read> tiles: array<Tile>;
-// For each block of the padded frame and each layer, the depths in a tile that begins there; as in `Tile`.
+// For each block of the padded frame and each layer: the depths in a tile that begins there, in the form of `Tile`.
 @group(0) @binding(6) var<storage, read> windows: array<u32>;
-// How many samples of each pixel do not count; between passes the picture holds sums.
+// For each pixel, the number of samples that do not count; between passes the picture holds sums.
 @group(0) @binding(7) var<storage, read_write> left_out_before: array<f32>;
 @group(0) @binding(8) var<storage, read_write> picture: array<f32>;
 
-// Stretches and layers that each sample of a batch may meet cells in, and from which segment on it has not been looked.
+// The segments and layers in which each sample of a batch may meet cells, and the first segment not yet tested.
 var<workgroup> met: array<vec2<u32>, 1024>;
 var<workgroup> met_count: array<u32, BATCH>;
-var<workgroup> not_looked: array<u32, BATCH>;
+var<workgroup> first_untested: array<u32, BATCH>;
 
 var<private> place: vec2<i32>;
 var<private> sum_0: vec4<f32>;
 var<private> sum_1: vec4<f32>;
 var<private> sum_2: vec4<f32>;
 var<private> sum_3: vec4<f32>;
-// A bit for each row.
+// One bit per row: whether its pixel has not met a cell yet.
 var<private> waiting: u32;
 
-fn view_at(i: u32) -> LensSample {
+fn lens_sample_at(i: u32) -> LensSample {
     let slopes = bitcast<vec4<f32>>(traces[2u * i]);
     let words = traces[2u * i + 1u];
     return LensSample(slopes.xy, slopes.zw, words.x, words.y, words.z, words.w);
@@ -97,12 +97,12 @@ fn offset_of(segment: Segment) -> vec2<i32> {
     return vec2((cell << 16u) >> 16u, cell >> 16u);
 }
 
-// The first and the last depth that the codes of a segment fall to.
+// The bins of the first and the last depth of a segment's codes.
 fn bins_of(segment: Segment) -> vec2<u32> {
     return vec2(segment.codes & 0xffffu, (segment.codes >> 16u) - 1u) >> vec2(8u);
 }
 
-// Those bits of a word of depths.
+// The bits of these bins in a word of a set of depths.
 fn bits_of(bins: vec2<u32>, word: u32) -> u32 {
     let low = max(bins.x, 32u * word) - 32u * word;
     let high = min(bins.y, 32u * word + 31u) - 32u * word;
@@ -131,10 +131,10 @@ fn is_in_window(origin: vec2<u32>, segment: Segment, layer: u32) -> bool {
     return false;
 }
 
-// Picks the segments of a sample, as many as there is room for.
-fn look(tile: u32, sample: u32, slot: u32) {
+// Picks segments of a sample, as many as there is room for.
+fn pick_segments(tile: u32, sample: u32, slot: u32) {
     var count = 0u;
-    let path = view_at(sample);
+    let path = lens_sample_at(sample);
     var i = path.first;
     while i < path.end && count + params.layers <= CAPACITY {
         let segment = segment_at(i);
@@ -149,10 +149,10 @@ fn look(tile: u32, sample: u32, slot: u32) {
         i++;
     }
     met_count[slot] = count;
-    not_looked[slot] = i;
+    first_untested[slot] = i;
 }
 
-// Which of the rows see a sample, a bit for each.
+// The rows that see a sample, one bit per row.
 fn rows_that_see(sample: LensSample, rows: u32) -> u32 {
     if sample.columns == 0u {
         return rows;
@@ -182,7 +182,7 @@ fn is_covered(cell: u32, at: vec2<i32>, slope: vec2<f32>, segment: Segment) -> b
     return normal.x * ray.x + normal.y * ray.y <= bitcast<f32>(half_planes[words + 2u]);
 }
 
-// The cell that a pixel meets in one segment of one layer, if it waits for one.
+// The cell that a pixel meets in one segment of one layer, if the pixel has not met one yet.
 fn cell_met(row: u32, slope: vec2<f32>, segment: Segment, first: vec2<i32>, column: u32, layer: u32) -> u32 {
     if (waiting & (1u << row)) == 0u {
         return NO_CELL;
@@ -199,7 +199,7 @@ fn cell_met(row: u32, slope: vec2<f32>, segment: Segment, first: vec2<i32>, colu
     return cell;
 }
 
-// The colour of a cell, as far as there is one.
+// The colour of a cell, or 0 if there is no cell.
 fn color_of(cell: u32) -> vec4<f32> {
     if cell == NO_CELL {
         return vec4<f32>();
@@ -207,7 +207,7 @@ fn color_of(cell: u32) -> vec4<f32> {
     return drawn[cell];
 }
 
-// Gives the waiting pixels the cells that they meet in one segment of one layer.
+// Looks up the cells that the waiting pixels meet in one segment of one layer, and adds their colours.
 fn meet(sample: LensSample, i: u32, layer: u32) {
     let segment = segment_at(i);
     let slope = select(sample.behind, sample.in_front, i < sample.focus);
@@ -225,7 +225,7 @@ fn follow(tile: u32, sample: LensSample, slot: u32) {
         let found = met[slot * CAPACITY + i];
         meet(sample, found.x, found.y);
     }
-    for (var i = not_looked[slot]; i < sample.end && waiting != 0u; i++) {
+    for (var i = first_untested[slot]; i < sample.end && waiting != 0u; i++) {
         if is_occupied(tile, segment_at(i)) {
             for (var layer = 0u; layer < params.layers; layer++) {
                 meet(sample, i, layer);
@@ -239,7 +239,7 @@ fn mean(sum: vec4<f32>, count: f32, pixel: u32) -> vec4<f32> {
     if count > 0.0 {
         return sum / count;
     }
-    // Where nothing at all was met, the pixel keeps what it saw itself.
+    // If no sample met a cell, the pixel keeps the colour of its own cell.
     return drawn[pixel];
 }
 
@@ -247,7 +247,7 @@ fn pixel_of(own: vec2<u32>, row: u32) -> u32 {
     return (own.y + 4u * row) * params.size.x + own.x;
 }
 
-// What earlier passes counted for a pixel.
+// The number of samples that earlier passes left out for a pixel.
 fn left_out_at(rows: u32, own: vec2<u32>, row: u32) -> f32 {
     if (rows & (1u << row)) == 0u {
         return 0.0;
@@ -255,7 +255,7 @@ fn left_out_at(rows: u32, own: vec2<u32>, row: u32) -> f32 {
     return left_out_before[pixel_of(own, row)];
 }
 
-// What earlier passes summed up for a pixel.
+// The sum of earlier passes for a pixel.
 fn sum_at(rows: u32, own: vec2<u32>, row: u32) -> vec4<f32> {
     var sum = vec4<f32>();
     if (rows & (1u << row)) != 0u {
@@ -266,7 +266,7 @@ fn sum_at(rows: u32, own: vec2<u32>, row: u32) -> vec4<f32> {
     return sum;
 }
 
-// Writes a pixel: the mean after its last sample, else what has been summed up so far.
+// Writes a pixel: the mean after the last sample, and the sum so far before it.
 fn write(rows: u32, own: vec2<u32>, row: u32, sum: vec4<f32>, left_out: f32, count: f32, is_last: bool) {
     if (rows & (1u << row)) == 0u {
         return;
@@ -293,10 +293,10 @@ fn sweep(
     let own = tiles[tile].origin + vec2(thread.x, ROWS * 4u * group.y + thread.y);
     place = vec2<i32>(own);
     if params.first_sample >= tiles[tile].samples {
-        // An earlier pass was its last.
+        // An earlier pass was the last one of this tile.
         return;
     }
-    // The rows inside the frame.
+    // The rows that are inside the frame.
     var rows = 0u;
     for (var row = 0u; row < ROWS; row++) {
         rows |= select(0u, 1u << row, all(vec2(own.x, own.y + 4u * row) < params.size));
@@ -320,11 +320,11 @@ fn sweep(
         let first = tiles[tile].first_sample + batch;
         let here = min(BATCH, count - batch);
         if index < here {
-            look(tile, first + index, index);
+            pick_segments(tile, first + index, index);
         }
         workgroupBarrier();
         for (var slot = 0u; slot < here; slot++) {
-            let sample = view_at(first + slot);
+            let sample = lens_sample_at(first + slot);
             let seeing = rows_that_see(sample, rows);
             waiting = seeing;
             follow(tile, sample, slot);

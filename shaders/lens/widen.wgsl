@@ -8,7 +8,7 @@ struct Params {
     // The variance that a unit of weight adds.
     per_weight: f32,
     max_weight: f32,
-    // How far apart in shift neighbouring cells of one surface may be.
+    // The largest difference in shift between neighbouring cells of one surface.
     connected_px: f32,
     @align(16) footprint: Footprint,
 }
@@ -18,7 +18,7 @@ struct Params {
 @group(0) @binding(3) var<storage, read> colors: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> widened: array<vec4<f32>>;
 
-// What a cell wants of its neighbours.
+// The weight that a cell wants to give its neighbours.
 fn wanted(s: f32) -> f32 {
     if s >= NOWHERE {
         return 0.0;
@@ -44,7 +44,7 @@ fn widen(@builtin(global_invocation_id) id: vec3<u32>) {
             continue;
         }
         let other = layer + u32(at.y) * params.size.x + u32(at.x);
-        // What two cells exchange is the mean of what both want.
+        // The weight of two cells is the mean of what both want.
         if abs(s - shifts[other]) < params.connected_px * f32(params.reach) {
             color += 0.5 * (own_wanted + wanted(shifts[other])) * (colors[other] - colors[own]);
         }

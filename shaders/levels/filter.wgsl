@@ -1,8 +1,8 @@
-// One filter step: five look-ups down the columns, then along the rows.
+// One filter step: five look-ups along y, then along x.
 
 struct Params {
     size: vec2<u32>,
-    // Weights of the middle, of what is beside it and of what is beyond.
+    // Weights of the centre, of the look-ups beside it and of those beyond.
     middle: f32,
     beside: f32,
     beyond: f32,
@@ -16,7 +16,7 @@ const SIDE: u32 = GROUP + 2u * MARGIN;
 @group(0) @binding(1) var<storage, read> before: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read_write> after: array<vec4<f32>>;
 
-// The target around the group's pixels, and the same filtered down the columns.
+// The target around the group's pixels, before and after the filter along y.
 var<workgroup> around: array<vec4<f32>, SIDE * SIDE>;
 var<workgroup> column: array<vec4<f32>, SIDE * GROUP>;
 

@@ -1,11 +1,11 @@
-// The picture between itself and two targets of the chain, by circle of confusion.
+// The picture, interpolated between itself and two targets of the chain by its circle of confusion.
 
 struct Params {
     size: vec2<u32>,
     small: vec2<u32>,
-    // Pixels of the picture to one of a target, along each axis.
+    // Pixels of the picture per pixel of a target, along each axis.
     block: u32,
-    // Blur begins where this is 1 and is full where it is 2.
+    // Blur begins where this is 1, and is full where it is 2.
     @align(16) beginning: Defocus,
 }
 
@@ -32,12 +32,13 @@ fn targets_at(x: i32, y: i32) -> Targets {
     return Targets(half_way[i], last[i]);
 }
 
-// Both targets at a pixel of the picture.
+// Both targets, interpolated at a pixel of the picture.
 fn enlarged(at: vec2<u32>) -> Targets {
-    // Twice the place in a target's pixels, whose centres lie at halves, is a whole number over the block's side.
+    // Pixel centres are at halves, so twice the position in the target's pixels is this integer over the block's
+    // side.
     let twice = 2 * vec2<i32>(at) + 1 - i32(params.block);
     let side = 2 * i32(params.block);
-    // Rounded down, where division rounds towards zero.
+    // Rounded down, because integer division rounds towards zero.
     let first = (twice + side) / side - 1;
     let beyond = vec2<f32>(twice - first * side) / f32(side);
     let left = mixed(targets_at(first.x, first.y), targets_at(first.x, first.y + 1), beyond.y);
@@ -45,7 +46,7 @@ fn enlarged(at: vec2<u32>) -> Targets {
     return mixed(left, right, beyond.x);
 }
 
-// From the sharp picture at level 0 by way of 1/2 to 1.
+// From the sharp picture at level 0 by way of the target at 1/2 to the one at 1.
 fn between_levels(level: f32, sharp: vec4<f32>, targets: Targets) -> vec4<f32> {
     if level > 0.5 {
         return targets.half_way + (2.0 * level - 1.0) * (targets.last - targets.half_way);

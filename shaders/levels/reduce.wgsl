@@ -3,7 +3,7 @@
 struct Params {
     size: vec2<u32>,
     small: vec2<u32>,
-    // Pixels of the picture to one of the small one, along each axis.
+    // Pixels of the picture per pixel of the result, along each axis.
     block: u32,
 }
 

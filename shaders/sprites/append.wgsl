@@ -1,6 +1,6 @@
-// Appends every point that is drawn to the list: those in front from its beginning, those behind from its end.
+// Appends every point that is drawn to the list: points in front from its beginning, points behind from its end.
 //
-// Both stay in the order of the picture, so that sprites are always added up in one and the same order.
+// Both stay in the order of the picture, so that sprites are always added in the same order.
 
 struct Point {
     number: u32,
@@ -10,7 +10,7 @@ struct Point {
 @group(0) @binding(5) var<storage, read> offsets: array<vec2<u32>>;
 @group(0) @binding(6) var<storage, read_write> list: array<Point>;
 
-// Points up to each thread's, of the layer in front in the low half and of the one behind in the high half.
+// Number of points up to each thread's: of the layer in front in the low half, of the layer behind in the high half.
 var<workgroup> totals: array<u32, 256>;
 
 @compute @workgroup_size(256)

@@ -1,4 +1,4 @@
-// The picture with the layer behind: pixels that lie there show the mean of the light from there.
+// The picture with the layer behind: pixels behind the focus show the mean of the light in that layer.
 
 @group(0) @binding(5) var<storage, read_write> picture: array<f32>;
 

@@ -1,4 +1,4 @@
-// How many points of each workgroup's share are drawn into each layer.
+// For each workgroup, the number of its points that are drawn into each layer.
 
 @group(0) @binding(5) var<storage, read_write> counts: array<vec2<u32>>;
 

@@ -1,10 +1,11 @@
-// The targets without blending: every pixel looks for the points that reach it, for devices that cannot blend floats.
+// The targets without blending, for devices that cannot blend floats: every pixel searches for the points that reach
+// it.
 
 @group(0) @binding(5) var<storage, read> weights: array<f32>;
 @group(0) @binding(6) var<storage, read_write> light: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read_write> coverage: array<f32>;
 
-// How much a point adds to a target's pixel.
+// The weight of a point in a pixel of a target.
 fn weight_of(place: vec2<i32>, pixel: u32, at: vec2<i32>) -> f32 {
     let sprite = sprite_of(step_of(disparity[pixel]), place);
     let d = at - corner_of(sprite, place);

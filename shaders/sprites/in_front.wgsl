@@ -1,21 +1,21 @@
-// The layer in front over the rest of the picture.
+// Composites the layer in front over the rest of the picture.
 
 @group(0) @binding(5) var<storage, read> color_sums: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read> seen_sums: array<f32>;
 @group(0) @binding(7) var<storage, read_write> picture: array<f32>;
 
-// The sum over a row up to a point between the corners of pixels.
+// The sum over a row up to a position between the corners of pixels.
 fn sum_up_to(row: u32, x: f32) -> Light {
     let column = u32(x);
     let at = row * (params.size.x + 1u) + column;
-    // At the last corner there is no next one.
+    // There is no corner after the last one.
     let next = select(at, at + 1u, column < params.size.x);
     let fraction = x - f32(column);
     return mixed(Light(color_sums[at], seen_sums[at]), Light(color_sums[next], seen_sums[next]), fraction);
 }
 
-// The mean of what is not in front over the square around a pixel that is as large as a disc: what is seen, and how much
-// of it.
+// The mean of everything that is not in front, over the square around a pixel with the area of a disc: the light, and
+// how much of it is seen.
 fn around(at: vec2<u32>, radius: f32) -> Light {
     let half = radius * 0.886226925;
     let centre = f32(at.x) + 0.5;
@@ -44,10 +44,10 @@ fn around(at: vec2<u32>, radius: f32) -> Light {
     return Light(share * sum.color, share * sum.coverage);
 }
 
-// The light in front over what is not. A pixel that lies in front itself is as opaque as it is there, and lets past
-// what is seen around it.
+// Composites the light in front over the rest. A pixel in front itself is as opaque as that light, and the light that
+// passes it is the light seen around it.
 fn over(at: vec2<u32>, coc: f32, light: Light, rest: vec4<f32>) -> vec4<f32> {
-    // Sprites of several depths cover a pixel once.
+    // Sprites of several depths cover a pixel only once.
     let excess = max(light.coverage, 1.0);
     let value = light.color / excess + (1.0 - light.coverage / excess) * rest;
     if coc >= 0.0 || drawn(coc) == 0.0 {

@@ -1,4 +1,4 @@
-// The light of one layer over the picture's pixels: colour times coverage, and coverage.
+// The light of one layer at the picture's pixels: colour times coverage, and coverage.
 
 struct Light {
     color: vec4<f32>,
@@ -18,9 +18,9 @@ fn mixed(a: Light, b: Light, fraction: f32) -> Light {
     return Light(a.color + fraction * (b.color - a.color), a.coverage + fraction * (b.coverage - a.coverage));
 }
 
-// A layer between the centres of four of its pixels.
+// A layer, interpolated between the centres of four of its pixels.
 fn light_at(at: vec2<u32>) -> Light {
-    // Pixel p lies at p / 2 - 1/4: a quarter of a texel before the centre of its own, or behind it.
+    // Pixel p is at texel p / 2 - 1/4: a quarter of a texel before or after the centre of its own texel.
     let own = vec2<i32>(at / 2u);
     let odd = (at & vec2(1u)) == vec2(1u);
     let first = select(own - 1, own, odd);

@@ -1,14 +1,14 @@
-// Where in the list the points of each workgroup begin, and how many there are to draw.
+// The position in the list at which the points of each workgroup begin, and the number of points to draw.
 
 struct Params {
     groups: u32,
 }
 
 const THREADS: u32 = 256u;
-// The corners of a quad.
+// Number of corners of a quad.
 const CORNERS: u32 = 4u;
 
-// Of one indirect draw.
+// The arguments of one indirect draw.
 struct Draw {
     vertices: u32,
     instances: u32,
@@ -24,17 +24,17 @@ var<workgroup> totals: array<vec2<u32>, 256>;
 
 @compute @workgroup_size(256)
 fn offsets(@builtin(local_invocation_index) thread: u32) {
-    // Each thread has a stretch of the workgroups.
-    let stretch = (params.groups + THREADS - 1u) / THREADS;
-    let first = min(thread * stretch, params.groups);
-    let end = min(first + stretch, params.groups);
+    // Each thread sums a range of the workgroups.
+    let segment = (params.groups + THREADS - 1u) / THREADS;
+    let first = min(thread * segment, params.groups);
+    let end = min(first + segment, params.groups);
     var total = vec2<u32>();
     for (var i = first; i < end; i++) {
         total += counts[i];
     }
     totals[thread] = total;
     workgroupBarrier();
-    // Doubling the distance adds up all stretches up to each.
+    // Sums all ranges up to each one (a prefix sum); the distance doubles in each step.
     for (var distance = 1u; distance < THREADS; distance *= 2u) {
         var before = vec2<u32>();
         if thread >= distance {

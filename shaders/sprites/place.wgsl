@@ -1,4 +1,4 @@
-// A quad for every point on the list.
+// Places a quad for every point on the list.
 
 struct Point {
     number: u32,

@@ -1,7 +1,8 @@
-// The points that are drawn: the picture's pixels, and their mirror images beyond its border.
+// The points that may be drawn: the picture's pixels, and their mirror images beyond its border.
 
-// What one point adds to a target: the first column and row from the target's pixel that holds it, its size, and the
-// first of its weights. There are four for each step of radius: for even and odd columns, of even rows and of odd ones.
+// The contribution of one point to a target: its first column and row, relative to the pixel of the target that
+// contains it, its size, and the index of its first weight. There are four for each radius step: for even and odd
+// columns of even rows, then of odd rows.
 struct Sprite {
     left: i32,
     top: i32,
@@ -13,13 +14,13 @@ struct Sprite {
 @group(0) @binding(3) var<storage, read> boundaries: array<f32>;
 @group(0) @binding(4) var<storage, read> sprites: array<Sprite>;
 
-// The place of a point by its number, row by row.
+// The position of a point by its number, row by row.
 fn place_of(point: u32) -> vec2<i32> {
     let across = params.size.x + 2u * u32(params.reach);
     return vec2<i32>(vec2(point % across, point / across)) - params.reach;
 }
 
-// Points there are.
+// The number of points.
 fn all_points() -> u32 {
     let reach = 2u * u32(params.reach);
     return (params.size.x + reach) * (params.size.y + reach);
@@ -29,8 +30,8 @@ fn pixel_at(place: vec2<i32>) -> u32 {
     return index_in(params.size, place.x, place.y);
 }
 
-// The step of radius that a disparity falls to. It is looked up and not computed, because the next step would be
-// another sprite: rounding must not decide.
+// The radius step of a disparity. It is looked up and not computed: the next step would be another sprite, so
+// rounding must not decide.
 fn step_of(d: f32) -> u32 {
     var low = 0u;
     var high = params.boundaries;
@@ -50,7 +51,7 @@ fn sprite_of(step: u32, place: vec2<i32>) -> Sprite {
     return sprites[4u * step + 2u * odd.y + odd.x];
 }
 
-// The target's pixel that a sprite begins at.
+// The pixel of the target at which a sprite begins.
 fn corner_of(sprite: Sprite, place: vec2<i32>) -> vec2<i32> {
     return (place >> vec2(1u)) + vec2(sprite.left, sprite.top);
 }

@@ -1,10 +1,10 @@
-// What the corners of a sprite's quad hand to its pixels.
+// The values that the corners of a sprite's quad pass to its pixels.
 
 struct Corner {
     @builtin(position) position: vec4<f32>,
-    // Colour times how much of the point is drawn, and how much that is.
+    // Colour times the part of the point that is drawn, and that part.
     @location(0) @interpolate(flat) color: vec4<f32>,
     @location(1) @interpolate(flat) coverage: f32,
-    // The target's pixel that the sprite begins at, its columns, and its first weight.
+    // The pixel of the target at which the sprite begins, its number of columns, and the index of its first weight.
     @location(2) @interpolate(flat) sprite: vec4<i32>,
 }

@@ -1,5 +1,5 @@
-// What is not in front, as running sums along every row: value x is the sum of the x pixels before, of colour and of
-// how much of each pixel counts.
+// Everything that is not in front, as running sums along every row: value x is the sum of the first x pixels, of
+// their colour and of the part of each pixel that counts.
 
 @group(0) @binding(3) var<storage, read> picture: array<f32>;
 @group(0) @binding(4) var<storage, read_write> color_sums: array<vec4<f32>>;
@@ -30,10 +30,10 @@ fn sum_of(a: Rest, b: Rest) -> Rest {
 
 @compute @workgroup_size(256)
 fn sum_rest(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
-    // Each thread has a stretch of the row.
-    let stretch = (params.size.x + THREADS - 1u) / THREADS;
-    let first = min(thread * stretch, params.size.x);
-    let end = min(first + stretch, params.size.x);
+    // Each thread sums a range of the row.
+    let segment = (params.size.x + THREADS - 1u) / THREADS;
+    let first = min(thread * segment, params.size.x);
+    let end = min(first + segment, params.size.x);
     let row = group.x * params.size.x;
     var total = Rest();
     for (var x = first; x < end; x++) {
@@ -41,7 +41,7 @@ fn sum_rest(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_i
     }
     totals[thread] = total;
     workgroupBarrier();
-    // Doubling the distance adds up all stretches up to each.
+    // Sums all ranges up to each one (a prefix sum); the distance doubles in each step.
     for (var distance = 1u; distance < THREADS; distance *= 2u) {
         var before = Rest();
         if thread >= distance {

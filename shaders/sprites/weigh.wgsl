@@ -1,4 +1,4 @@
-// What a sprite adds to one pixel of a target.
+// The contribution of a sprite to one pixel of a target.
 
 struct Added {
     @location(0) color: vec4<f32>,

@@ -1,10 +1,10 @@
-//! How much of every pixel a closed line encloses, exactly.
+//! The exact area of every pixel that a closed polygon covers.
 
-/// A square of pixels around the origin, and the area that polygons cover of each.
+/// A square of pixels around the origin, and the area of each that polygons cover.
 ///
-/// A polygon's area left of a place in a row is a sum over its edges: an edge that goes down by `h` inside a pixel adds
-/// `h` to all pixels to its right, and to its own pixel the part that lies to its right. So edges only leave a mark in
-/// the one or two pixels that they touch, and a running sum along each row finishes the work.
+/// The area of a polygon to the left of a position in a row is a sum over its edges. An edge that goes down by `h`
+/// inside a pixel adds `h` to all pixels to its right, and to its own pixel the part to the right of the edge. So an
+/// edge only changes the one or two pixels that it touches, and a running sum along each row completes the areas.
 pub struct Coverage {
     reach: i32,
     side: usize,
@@ -15,13 +15,13 @@ impl Coverage {
     /// Pixels up to `reach` away from the origin along either axis.
     pub fn new(reach: i32) -> Coverage {
         let side = (2 * reach + 1) as usize;
-        // One more column for the marks of the last one.
+        // One more column, for the contributions to the right of the last one.
         Coverage { reach, side, marks: vec![0.0; (side + 1) * side] }
     }
 
-    /// Adds a closed polygon, `weight` times; its corners run counter-clockwise on screen (y points down).
+    /// Adds a closed polygon with a weight; its corners run counter-clockwise on screen (y points down).
     pub fn add(&mut self, polygon: &[[f64; 2]], weight: f64) {
-        // Pixel centres have whole coordinates; here corners have.
+        // Pixel centres have integer coordinates in the polygon; here pixel corners have.
         let first = f64::from(self.reach) + 0.5;
         let shifted = |p: [f64; 2]| p.map(|v| v + first);
         for (i, &a) in polygon.iter().enumerate() {
@@ -58,9 +58,9 @@ impl Coverage {
         }
     }
 
-    /// The area covered of every pixel, row by row.
+    /// The covered area of every pixel, row by row.
     pub fn finish(mut self) -> Vec<f64> {
-        /// What rounding alone leaves of a pixel beyond the polygon.
+        /// The largest area that rounding alone can leave of a pixel outside the polygon.
         const NOTHING: f64 = 1e-11;
         let mut areas = Vec::with_capacity(self.side * self.side);
         for row in self.marks.chunks_mut(self.side + 1) {

@@ -1,4 +1,4 @@
-//! The picture of a point out of focus: the opening, scaled by the shift and averaged over each pixel.
+//! The image of a point out of focus: the opening, scaled by the shift and averaged over each pixel.
 
 use super::coverage::Coverage;
 use super::opening::{Aperture, Shape};
@@ -7,12 +7,12 @@ use super::picture::Picture;
 use super::profile::{Profile, Side};
 
 impl Aperture {
-    /// The picture of a point under shift `t` pixels: how much of each pixel the opening, scaled by `t`, covers.
+    /// The image of a point under shift `t` pixels: the part of each pixel that the opening, scaled by `t`, covers.
     pub fn kernel(&self, t: f64) -> Kernel {
         self.kernel_on(Side::of(t), t)
     }
 
-    /// The same, of a point on one side of the focus plane, whatever side the sign of `t` turns it to.
+    /// The image of a point on one side of the focus plane, whatever the orientation that the sign of `t` gives it.
     pub fn kernel_on(&self, side: Side, t: f64) -> Kernel {
         let reach = (t.abs() + 0.5).ceil() as i32;
         match &self.shape {
@@ -26,15 +26,15 @@ impl Aperture {
         self.profile == Profile::FLAT && self.squeeze == [1.0; 2] && self.lean == [0.0; 2]
     }
 
-    /// An opening inside an outline: areas of whole polygons, added up.
+    /// The kernel of an opening with an outline: a weighted sum of the areas of polygons.
     fn outline_kernel(&self, outline: &Outline, side: Side, t: f64, reach: i32) -> Kernel {
-        // Rims half a pixel apart, so that no step shows, and enough for the moments of small openings.
+        // Rims are half a pixel apart, so that no step shows, and numerous enough for the moments of small openings.
         let steps = (2.0 * t.abs()) as usize;
         let steps = steps.clamp(64, 512);
         let contour = outline.contour();
         let mut coverage = Coverage::new(reach);
         let stack = self.profile.stack(steps, side);
-        // Transmission is 1 where most light passes.
+        // Normalised so that transmission is 1 where most light passes.
         let levels = stack.iter().scan(0.0, |level, s| {
             *level += s.1;
             Some(*level)
@@ -53,10 +53,10 @@ impl Aperture {
         })
     }
 
-    /// An opening given by a picture: the light of the box that each pixel is in it.
+    /// The kernel of an opening given by a picture: the light inside each pixel's box.
     fn picture_kernel(&self, picture: &Picture, t: f64, reach: i32) -> Kernel {
         let source = |x: f64, y: f64| self.source([x / t, y / t]);
-        // Texels to a pixel, so that weights are means.
+        // Texels per pixel, so that weights are means.
         let per_pixel = picture.texels() / (4.0 * t * t * self.squeeze[0] * self.squeeze[1]);
         Kernel::from_weights(reach, |dx, dy| {
             let (x, y) = (f64::from(dx), f64::from(dy));
@@ -69,10 +69,10 @@ impl Aperture {
     }
 }
 
-/// A clear disc, in closed form.
+/// The kernel of a clear disc, in closed form.
 fn disc_kernel(t: f64, reach: i32) -> Kernel {
     let r = t.abs();
-    // The unit pixel's nearest and farthest points from the centre settle most cases.
+    // The nearest and the farthest point of the unit pixel from the centre decide most cases.
     let nearest = |d: i32| (f64::from(d.abs()) - 0.5).max(0.0);
     let farthest = |d: i32| f64::from(d.abs()) + 0.5;
     let squared = |a: f64, b: f64| a * a + b * b;
@@ -87,9 +87,9 @@ fn disc_kernel(t: f64, reach: i32) -> Kernel {
     })
 }
 
-/// Area that the disc of radius `r` around the origin shares with the unit pixel at `(dx, dy)`.
+/// Area of the intersection of the disc of radius `r` around the origin with the unit pixel at `(dx, dy)`.
 fn disc_pixel_area(r: f64, dx: i32, dy: i32) -> f64 {
-    // By symmetry in the first quadrant; a pixel that an axis cuts in half is two halves.
+    // By symmetry, only the first quadrant is needed; a pixel that an axis cuts in half is two halves.
     let side = |d: i32| {
         let d = f64::from(d.abs());
         if d == 0.0 { (0.0, 0.5, 2.0) } else { (d - 0.5, d + 0.5, 1.0) }
@@ -97,7 +97,7 @@ fn disc_pixel_area(r: f64, dx: i32, dy: i32) -> f64 {
     let ((x0, x1, nx), (y0, y1, ny)) = (side(dx), side(dy));
     let half_chord = |y: f64| (r * r - y * y).max(0.0).sqrt();
     let arc = |x: f64| 0.5 * (x * half_chord(x) + r * r * (x / r).clamp(-1.0, 1.0).asin());
-    // Over [x0, full] the pixel's column is covered whole, over [full, end] up to the arc.
+    // Over [x0, full] the pixel's column is covered completely, over [full, end] up to the arc.
     let end = half_chord(y0).min(x1);
     let full = half_chord(y1).clamp(x0, x1).min(end.max(x0));
     let whole = (y1 - y0) * (full - x0);
@@ -105,32 +105,32 @@ fn disc_pixel_area(r: f64, dx: i32, dy: i32) -> f64 {
     if y0 >= r { 0.0 } else { nx * ny * (whole + part.max(0.0)) }
 }
 
-/// One row of a kernel: a run of equal weights, and the pixels whose weight differs.
+/// One row of a kernel: a run of equal weights, and the pixels with other weights.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KernelRow {
     /// Row offset.
     pub dy: i32,
-    /// Columns `run.0 .. run.1` that the opening covers whole.
+    /// Columns `run.0 .. run.1`, which the opening covers completely.
     pub run: (i32, i32),
-    /// Column offset and weight of the pixels that it covers in part.
+    /// Column offset and weight of the pixels that it covers partly.
     pub partial: Vec<(i32, f32)>,
 }
 
-/// A convolution kernel of sum 1, row by row, ready for running sums.
+/// A convolution kernel of sum 1, row by row, in the form that running sums need.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Kernel {
-    /// No weight lies farther than this from the centre, along either axis.
+    /// No weight is farther than this from the centre along either axis.
     pub reach: i32,
     /// Weight of every pixel in a row's run.
     pub run_weight: f32,
-    /// The rows that have any weight.
+    /// The rows that have weights.
     pub rows: Vec<KernelRow>,
 }
 
 impl Kernel {
-    /// The kernel of these weights, the mean transmission over each pixel.
+    /// The kernel of these weights, each the mean transmission over a pixel.
     fn from_weights(reach: i32, weight: impl Fn(i32, i32) -> f64) -> Kernel {
-        // A pixel counts as covered whole when rounding alone is missing.
+        // A pixel counts as completely covered if only rounding is missing.
         const WHOLE: f64 = 1.0 - 1e-12;
         let raw: Vec<(i32, Vec<(i32, f64)>)> = (-reach..=reach)
             .map(|dy| (dy, (-reach..=reach).map(|dx| (dx, weight(dx, dy))).filter(|w| w.1 > 0.0).collect()))
@@ -165,7 +165,7 @@ impl Kernel {
     }
 }
 
-/// The longest stretch of neighbouring pixels of at least this weight: where an opening has a hole there are two.
+/// The longest run of neighbouring pixels of at least this weight; an opening with a hole has two runs in a row.
 fn longest_run(row: &[(i32, f64)], whole: f64) -> (i32, i32) {
     let (mut longest, mut run) = ((0, 0), (0, 0));
     for (dx, _) in row.iter().filter(|w| w.1 >= whole) {

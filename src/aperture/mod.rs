@@ -1,11 +1,11 @@
 //! The opening of the lens: lens points for the flagship and area-exact kernels for constant depth.
 //!
-//! Lens coordinates have the picture's axes (x right, y down) and the unit disc as their bound. A point behind
-//! the focus plane is drawn as the opening itself, one in front of it as the opening turned by 180 degrees.
+//! Lens coordinates have the picture's axes (x right, y down), and the unit disc bounds them. A point behind the
+//! focus plane is drawn as the opening itself, a point in front of it as the opening rotated by 180 degrees.
 //!
-//! An opening is an [`outline`] with a [`profile`] of light from its centre to its rim, or a [`picture`]. Either is a
-//! map from the unit square to the lens that gives equal areas equal light, so that lens points have equal
-//! weights; and either has an exact [`kernel`].
+//! An opening is an [`outline`] with a [`profile`] of light from its centre to its rim, or a [`picture`]. Either maps
+//! the unit square to the lens so that equal areas have equal light. So lens points have equal weights, and either
+//! has an exact [`kernel`].
 
 mod coverage;
 mod kernel;

@@ -1,4 +1,4 @@
-//! The opening itself: its form, its transmission, and its lens points.
+//! The opening: its shape, its transmission, and its lens points.
 
 use super::outline::Outline;
 use super::picture::Picture;
@@ -7,19 +7,19 @@ use crate::error::{Result, value_error};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// What gives the opening its form.
+/// The source of the opening's shape.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Shape {
     Outline(Outline),
     Picture(Arc<Picture>),
 }
 
-/// Ways in which an opening differs from a clear disc, by the names that users give them.
+/// Deviations of an opening from a clear disc, by their public names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Feature {
     /// Straight or curved blades.
     Blades,
-    /// Blades that bulge.
+    /// Curved blades.
     Roundness,
     /// An anamorphic squeeze.
     Ratio,
@@ -46,12 +46,12 @@ impl Feature {
     ];
 }
 
-/// The aperture: where light passes and how much.
+/// The aperture: where light passes, and how much.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Aperture {
     pub(super) shape: Shape,
     pub(super) profile: Profile,
-    /// Scale along both axes; the larger is 1.
+    /// Scale along both axes; the larger one is 1.
     pub(super) squeeze: [f64; 2],
     /// See [`Aperture::leaning`].
     pub(super) lean: [f64; 2],
@@ -70,7 +70,7 @@ fn fraction(name: &str, value: f64, what: &str, accepted: std::ops::RangeInclusi
 }
 
 impl Aperture {
-    /// An open disc.
+    /// A clear disc.
     pub const DISC: Aperture = Aperture {
         shape: Shape::Outline(Outline::Disc),
         profile: Profile::FLAT,
@@ -106,12 +106,12 @@ impl Aperture {
         Ok(Aperture { shape: Shape::Outline(outline), profile, ..Aperture::DISC })
     }
 
-    /// An opening that is a picture.
+    /// An opening given by a picture.
     pub fn of_picture(picture: Picture) -> Aperture {
         Aperture { shape: Shape::Picture(Arc::new(picture)), ..Aperture::DISC }
     }
 
-    /// The same with blades that bulge: 0 is straight, 1 makes them arcs of one circle.
+    /// The same with curved blades: 0 is straight, 1 makes them arcs of one circle.
     pub fn with_roundness(mut self, roundness: f64) -> Result<Aperture> {
         let given = fraction("roundness", roundness, "how much the blades bulge", 0.0..=1.0)?;
         if let Shape::Outline(Outline::Blades { roundness, .. }) = &mut self.shape {
@@ -122,13 +122,13 @@ impl Aperture {
         Ok(self)
     }
 
-    /// The same squeezed: `ratio` times as high as wide. The longer half-axis stays as it is.
+    /// The same with an anamorphic squeeze: `ratio` times as high as wide. The longer half-axis keeps its length.
     pub fn with_ratio(self, ratio: f64) -> Result<Aperture> {
         fraction("ratio", ratio, "the height of the opening over its width", 0.05..=20.0)?;
         Ok(Aperture { squeeze: [ratio.recip().min(1.0), ratio.min(1.0)], ..self })
     }
 
-    /// The same with the middle closed, up to this fraction of the way to the rim.
+    /// The same with a central obstruction, up to this fraction of the distance to the rim.
     pub fn with_obstruction(self, obstruction: f64) -> Result<Aperture> {
         let hole = fraction(
             "obstruction",
@@ -145,7 +145,7 @@ impl Aperture {
         Ok(Aperture { profile: Profile { spherical, ..self.profile }, ..self })
     }
 
-    /// The same as it works under a focus plane that leans by `lean` of shift a pixel.
+    /// The opening under a focus plane that is tilted by `lean` of shift per pixel.
     ///
     /// With such a plane the ray from lens point `l` goes through `l / (1 - lean . l)`; see
     /// [`FocusSurface`](crate::optics::FocusSurface). Points are scaled down by the farthest one, `1 / (1 - |lean|)`,
@@ -159,7 +159,7 @@ impl Aperture {
         self.lean
     }
 
-    /// In what it differs from a clear disc.
+    /// Its deviations from a clear disc.
     pub fn features(&self) -> Vec<Feature> {
         let (outline, picture) = match &self.shape {
             Shape::Outline(outline) => (*outline, false),
@@ -180,8 +180,8 @@ impl Aperture {
         .collect()
     }
 
-    /// Blades, and the first corner's angle in radians counter-clockwise on screen from the x axis, of an opening that
-    /// is a regular polygon of straight blades; none for others.
+    /// The number of blades, and the angle of the first corner in radians counter-clockwise on screen from the x
+    /// axis, if the opening is a regular polygon of straight blades; `None` otherwise.
     pub fn polygon(&self) -> Option<(u32, f64)> {
         match &self.shape {
             Shape::Outline(outline) if self.squeeze == [1.0; 2] => outline.polygon(),
@@ -189,17 +189,17 @@ impl Aperture {
         }
     }
 
-    /// Whether all light passes, everywhere inside the outline.
+    /// Whether all light passes everywhere inside the outline.
     pub fn is_clear(&self) -> bool {
         self.profile == Profile::FLAT && matches!(self.shape, Shape::Outline(_))
     }
 
-    /// Whether the opening is a disc, however much of its light passes where.
+    /// Whether the opening is a disc, whatever its transmission.
     pub fn is_round(&self) -> bool {
         self.shape == Shape::Outline(Outline::Disc) && self.squeeze == [1.0; 2]
     }
 
-    /// Whether light falls elsewhere in front of the focus than behind it.
+    /// Whether the distribution of light differs in front of the focus and behind it.
     pub fn has_sides(&self) -> bool {
         self.profile.spherical != 0.0
     }
@@ -212,7 +212,7 @@ impl Aperture {
         [l[0] / self.squeeze[0], l[1] / self.squeeze[1]]
     }
 
-    /// Where a place of the outline or the picture lies in the lens.
+    /// The lens point of a position on the outline or in the picture.
     pub(super) fn placed(&self, l: [f64; 2]) -> [f64; 2] {
         let l = self.squeezed(l);
         if self.lean == [0.0; 2] {
@@ -223,26 +223,27 @@ impl Aperture {
         l.map(|v| scale * v)
     }
 
-    /// The place of the outline or the picture at a lens point; undoes [`Aperture::placed`].
+    /// The position on the outline or in the picture of a lens point; the inverse of [`Aperture::placed`].
     pub(super) fn source(&self, l: [f64; 2]) -> [f64; 2] {
         let scale = self.unleaned_scale(l);
         self.unsqueezed(l.map(|v| v * scale))
     }
 
-    /// By how much a lens point was scaled down: `l' = c l / (1 - b . l)` solved for `l` is `l' / (c + b . l')`.
+    /// The factor by which a lens point was scaled down: `l' = c l / (1 - b . l)` solved for `l` is
+    /// `l' / (c + b . l')`.
     fn unleaned_scale(&self, l: [f64; 2]) -> f64 {
         let [bx, by] = self.lean;
         1.0 / (1.0 - bx.hypot(by) + bx * l[0] + by * l[1])
     }
 
-    /// The place in the opening itself that a lens point is seen at.
+    /// The position in the opening itself at which a lens point is seen.
     pub fn pupil(&self, l: [f64; 2]) -> [f64; 2] {
         let scale = self.unleaned_scale(l);
         l.map(|v| scale * v)
     }
 
-    /// How densely [`Aperture::placed`] lays lens points, relative to the densest: the map back to the lens magnifies
-    /// areas by the third power of its scale, but for a constant.
+    /// The density of the lens points of [`Aperture::placed`], relative to the densest: up to a constant, the map
+    /// back to the lens magnifies areas by the third power of its scale.
     pub(super) fn density(&self, l: [f64; 2]) -> f64 {
         if self.lean == [0.0; 2] {
             return 1.0;
@@ -251,12 +252,12 @@ impl Aperture {
         (self.unleaned_scale(l) / densest).powi(3)
     }
 
-    /// Share of the light that passes at a lens point inside the opening.
+    /// The part of the light that passes at a lens point inside the opening.
     pub fn transmission(&self, l: [f64; 2]) -> f64 {
         self.profile.transmission(self.rim_fraction(l))
     }
 
-    /// Area of the opening over that of its enclosing disc.
+    /// Area of the opening relative to that of its enclosing disc.
     pub fn relative_area(&self) -> f64 {
         let area = match &self.shape {
             Shape::Outline(outline) => outline.relative_area() * (1.0 - self.profile.hole.powi(2)),
@@ -265,7 +266,7 @@ impl Aperture {
         area * self.squeeze[0] * self.squeeze[1]
     }
 
-    /// The rim point below which the fraction `v` of the opening's area lies, going round.
+    /// The rim point before which the fraction `v` of the opening's area lies, going round.
     pub fn rim(&self, v: f64) -> [f64; 2] {
         match &self.shape {
             Shape::Outline(outline) => self.placed(outline.rim(v)),
@@ -273,7 +274,7 @@ impl Aperture {
         }
     }
 
-    /// How far along the way from the centre to the rim a lens point lies.
+    /// The position of a lens point between the centre (0) and the rim (1).
     pub fn rim_fraction(&self, l: [f64; 2]) -> f64 {
         match &self.shape {
             Shape::Outline(outline) => outline.rim_fraction(self.unsqueezed(l)),
@@ -281,14 +282,14 @@ impl Aperture {
         }
     }
 
-    /// The places in the opening itself of the rays of [`Aperture::lens_points`].
+    /// The positions in the opening itself of the rays of [`Aperture::lens_points`].
     pub fn pupil_points(&self, n: usize) -> Vec<[f64; 2]> {
         let profile = Profile { spherical: 0.0, ..self.profile };
         Aperture { profile, lean: [0.0; 2], ..self.clone() }.lens_points(n, Side::Behind)
     }
 
-    /// `n` points of equal weight over the opening, for what lies on one side of the focus: a Fibonacci (Kronecker)
-    /// lattice in coordinates of equal light. On both sides a point of the same number belongs to the same ray.
+    /// `n` points of equal weight over the opening, for surfaces on one side of the focus: a Fibonacci (Kronecker)
+    /// lattice in coordinates of equal light. Points with the same number on both sides belong to the same ray.
     pub fn lens_points(&self, n: usize, side: Side) -> Vec<[f64; 2]> {
         const GOLDEN: f64 = 0.618_033_988_749_894_9;
         (0..n)

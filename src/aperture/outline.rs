@@ -1,17 +1,17 @@
-//! The outline of the opening: a disc, or blades that are straight or curved.
+//! The outline of the opening: a disc, or straight or curved blades.
 
 use std::f64::consts::{PI, TAU};
 
-/// Chords that stand for the arc of one curved blade, or for a whole circle's share of it.
+/// Number of chords that approximate the arc of one curved blade, or its share of a whole circle.
 const CHORDS_OF_CIRCLE: usize = 128;
 
-/// Where the opening ends, inside the unit circle.
+/// The boundary of the opening, inside the unit circle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Outline {
     Disc,
     /// A regular polygon with its corners on the unit circle, the first one at `first_angle` (radians,
-    /// counter-clockwise on screen from the x axis), and sides that bulge by the fraction `roundness` of the way
-    /// from the chord to the unit circle.
+    /// counter-clockwise on screen from the x axis). Its sides are curved outwards by the fraction `roundness` of the
+    /// distance from the chord to the unit circle.
     Blades {
         blades: u32,
         first_angle: f64,
@@ -19,12 +19,12 @@ pub enum Outline {
     },
 }
 
-/// The place on screen at `radius` and `angle`: y points down.
+/// The position on screen at `radius` and `angle`; y points down.
 fn polar(radius: f64, angle: f64) -> [f64; 2] {
     [radius * angle.cos(), -(radius * angle.sin())]
 }
 
-/// The arc of one blade, as seen from the centre of the opening.
+/// The arc of one blade, relative to the centre of the opening.
 #[derive(Clone, Copy)]
 struct Arc {
     /// Half the angle that the blade spans.
@@ -39,11 +39,11 @@ impl Arc {
         Arc { half, apex: half.cos() + roundness * (1.0 - half.cos()) }
     }
 
-    /// Centre, on the line to the middle of the blade, and radius of the circle that it is a piece of; none if it is
-    /// straight.
+    /// The circle of which the blade is an arc: its centre, on the line to the middle of the blade, and its radius.
+    /// `None` if the blade is straight.
     ///
-    /// The circle passes through the apex, `centre + radius = apex`, and through the corners, which are 1 away at
-    /// the angle `half`: `(cos half - centre)^2 + sin^2 half = radius^2`.
+    /// The circle passes through the apex, `centre + radius = apex`, and through the corners, which are 1 away at the
+    /// angle `half`: `(cos half - centre)^2 + sin^2 half = radius^2`.
     fn circle(&self) -> Option<(f64, f64)> {
         let bulge = self.apex - self.half.cos();
         (bulge > 1e-9).then(|| {
@@ -75,7 +75,7 @@ impl Arc {
 }
 
 impl Outline {
-    /// Blades, and the first corner's angle, of a polygon of straight blades.
+    /// The number of blades and the angle of the first corner, if the blades are straight.
     pub fn polygon(&self) -> Option<(u32, f64)> {
         match *self {
             Outline::Blades { blades, first_angle, roundness: 0.0 } => Some((blades, first_angle)),
@@ -87,7 +87,7 @@ impl Outline {
         polar(1.0, first_angle + TAU * f64::from(i % blades) / f64::from(blades))
     }
 
-    /// Places along blade number `i`, both its corners among them.
+    /// Points along blade number `i`, including both its corners.
     fn blade(blades: u32, first_angle: f64, roundness: f64, i: u32) -> Vec<[f64; 2]> {
         let corners = [i, i + 1].map(|i| Outline::corner(blades, first_angle, i));
         if roundness == 0.0 {
@@ -103,8 +103,8 @@ impl Outline {
         std::iter::once(corners[0]).chain(inner).chain([corners[1]]).collect()
     }
 
-    /// A polygon of the outline's area: the outline itself if its sides are straight, else one whose chords lie as
-    /// far inside as outside, to a few ten-thousandths of the radius.
+    /// A polygon with the outline's area: the outline itself if its sides are straight, otherwise a polygon whose
+    /// chords are as far inside as outside, to a few ten-thousandths of the radius.
     pub fn contour(&self) -> Vec<[f64; 2]> {
         let places: Vec<[f64; 2]> = match *self {
             Outline::Disc => {
@@ -125,7 +125,7 @@ impl Outline {
         places.into_iter().map(|p| p.map(|v| larger * v)).collect()
     }
 
-    /// Area over that of the unit disc.
+    /// Area relative to that of the unit disc.
     pub fn relative_area(&self) -> f64 {
         match *self {
             Outline::Disc => 1.0,
@@ -139,7 +139,7 @@ impl Outline {
         }
     }
 
-    /// The rim point below which the fraction `v` of the area lies, going round.
+    /// The rim point before which the fraction `v` of the area lies, going round.
     pub fn rim(&self, v: f64) -> [f64; 2] {
         match *self {
             Outline::Disc => [(TAU * v).cos(), -(TAU * v).sin()],
@@ -166,7 +166,7 @@ impl Outline {
         }
     }
 
-    /// How far along the way from the centre to the rim a place lies.
+    /// The position of a point between the centre (0) and the rim (1).
     pub fn rim_fraction(&self, l: [f64; 2]) -> f64 {
         let r = l[0].hypot(l[1]);
         match *self {
@@ -184,7 +184,7 @@ impl Outline {
     }
 }
 
-/// Areas of the triangles between the centre and the pieces of a line, twice.
+/// Twice the areas of the triangles between the centre and the segments of a line.
 fn fan_areas(line: &[[f64; 2]]) -> impl Iterator<Item = f64> + '_ {
     line.windows(2).map(|ends| (ends[0][0] * ends[1][1] - ends[0][1] * ends[1][0]).abs())
 }

@@ -3,20 +3,20 @@
 use crate::error::{Result, value_error};
 use std::f64::consts::PI;
 
-/// Texels along each side at the least: so many that those on the rim hardly matter.
+/// The least number of texels along each side: enough that the texels on the rim hardly matter.
 const TEXELS: usize = 256;
-/// Places along each side of a texel that decide how much of it lies in the lens.
+/// Number of positions along each side of a texel that are tested for lying inside the lens.
 const FINE: usize = 4;
 
-/// Transmission over the square around the unit circle, the same all over a texel. A lens is round: what the picture
-/// has beyond the circle is cut off.
+/// Transmission over the square around the unit circle, constant over each texel. A lens is round, so the part of the
+/// picture outside the circle is cut off.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture {
     columns: usize,
     rows: usize,
     /// Light through each texel.
     light: Vec<f64>,
-    /// Light above and left of each texel's corner, one more row and column than there are texels.
+    /// Light above and to the left of each texel's corner (a summed-area table); one more row and column than texels.
     sums: Vec<f64>,
 }
 
@@ -30,7 +30,7 @@ impl Picture {
             return Err(value_error!("image must hold transmissions, finite and not negative; got {v}"));
         }
         let given = [columns, values.len() / columns];
-        // Texels in place of each given one.
+        // Number of texels that replace each given one, along each axis.
         let finer = given.map(|n| TEXELS.div_ceil(n));
         let [columns, rows] = [given[0] * finer[0], given[1] * finer[1]];
         let greatest = values.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
@@ -56,7 +56,7 @@ impl Picture {
         Ok(Picture { columns, rows, light, sums })
     }
 
-    /// Light above and left of a place, which may lie between the texels' corners: inside one it is bilinear.
+    /// Light above and to the left of a position. Between the corners of texels it is bilinear.
     fn sum(&self, [x, y]: [f64; 2]) -> f64 {
         let along = |v: f64, n: usize| {
             let v = (0.5 * (v + 1.0)).clamp(0.0, 1.0) * n as f64;
@@ -71,10 +71,10 @@ impl Picture {
         row(y) + fy * (row(y + 1) - row(y))
     }
 
-    /// Light that passes the box between two places.
+    /// Light that passes the box between two positions.
     pub fn between(&self, [x0, y0]: [f64; 2], [x1, y1]: [f64; 2]) -> f64 {
         let light = self.sum([x1, y1]) - self.sum([x0, y1]) - self.sum([x1, y0]) + self.sum([x0, y0]);
-        // What differences of sums leave where there is none.
+        // Differences of sums leave a rounding error where no light passes.
         if light.abs() < 1e-12 * self.sums[self.sums.len() - 1] { 0.0 } else { light }
     }
 
@@ -83,15 +83,16 @@ impl Picture {
         (self.columns * self.rows) as f64
     }
 
-    /// Area over that of the unit disc of a clear opening that spreads as much light as evenly: the square of the light
-    /// over its squares.
+    /// Area, relative to that of the unit disc, of a clear opening that spreads as much light as evenly: the square
+    /// of the light over its squares.
     pub fn relative_area(&self) -> f64 {
         let (sum, squares) = self.light.iter().fold((0.0, 0.0), |(a, b), v| (a + v, b + v * v));
         let texel = 4.0 / (self.columns * self.rows) as f64;
         sum * sum / squares * texel / PI
     }
 
-    /// The place that the fractions `u` of all light, by rows, and `v` of its row's, by columns, lie before.
+    /// The position before which the fraction `u` of all light lies, by rows, and the fraction `v` of its row's, by
+    /// columns.
     pub fn place(&self, u: f64, v: f64) -> [f64; 2] {
         let across = self.columns + 1;
         let total = self.sums[self.sums.len() - 1];
@@ -101,13 +102,13 @@ impl Picture {
         let (x, fx) = before(self.columns, in_row, v * in_row(self.columns));
         let at = |i: usize, f: f64, n: usize| 2.0 * (i as f64 + f) / n as f64 - 1.0;
         let place = [at(x, fx, self.columns), at(y, fy, self.rows)];
-        // A corner of a texel that the circle cuts.
+        // The position may be in a corner of a texel that the circle cuts off.
         let beyond = place[0].hypot(place[1]).max(1.0);
         place.map(|v| v / beyond)
     }
 }
 
-/// The step of a rising sum at which it reaches `wanted`, and how far into the step.
+/// The step of a rising sum at which it reaches `wanted`, and the fraction of that step.
 fn before(n: usize, sum: impl Fn(usize) -> f64, wanted: f64) -> (usize, f64) {
     let (mut lo, mut hi) = (0, n);
     while hi - lo > 1 {
@@ -118,7 +119,7 @@ fn before(n: usize, sum: impl Fn(usize) -> f64, wanted: f64) -> (usize, f64) {
     (lo, if step > 0.0 { ((wanted - sum(lo)) / step).clamp(0.0, 1.0) } else { 0.5 })
 }
 
-/// How much of a texel lies in the unit circle.
+/// The part of a texel that is inside the unit circle.
 fn share_in_lens([columns, rows]: [usize; 2], [x, y]: [usize; 2]) -> f64 {
     let at =
         |i: usize, k: usize, n: usize| 2.0 * (i as f64 + (k as f64 + 0.5) / FINE as f64) / n as f64 - 1.0;

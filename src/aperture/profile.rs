@@ -1,11 +1,12 @@
-//! How much light passes from the centre of the opening to its rim: a hole, apodization, spherical aberration.
+//! The distribution of light from the centre of the opening to its rim: obstruction, apodization, spherical
+//! aberration.
 
-/// The side of the focus plane that a surface lies on.
+/// The side of the focus plane on which a surface is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Side {
     /// Nearer than the focus.
     InFront,
-    /// Farther than it.
+    /// Farther than the focus.
     Behind,
 }
 
@@ -16,16 +17,16 @@ impl Side {
     }
 }
 
-/// Light by `rho`, the fraction of the way from the centre to the rim.
+/// The distribution of light by `rho`, the fraction of the distance from the centre to the rim.
 ///
 /// The density over the opening is `exp(-rho^2 / 2 sigma^2) (1 + s (2 rho^2 - 1))` from the rim of the hole to the
-/// rim of the opening: apodization of standard deviation `sigma`, and spherical aberration that moves light towards
-/// the rim (`s > 0`) behind the focus and just as much towards the middle in front of it. It is linear in `rho^2`,
-/// which is what the third-order aberration is to first order, and moves light but adds none:
-/// its mean over the disc is 1 whatever `s` is.
+/// rim of the opening. The first factor is apodization of standard deviation `sigma`. The second is spherical
+/// aberration, which moves light towards the rim (`s > 0`) behind the focus and just as much towards the centre in
+/// front of it. It is linear in `rho^2`, which is what the third-order aberration is to first order. It moves light
+/// but adds none: its mean over the disc is 1 for any `s`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Profile {
-    /// Fraction of the way to the rim that is closed.
+    /// Fraction of the distance to the rim that is obstructed.
     pub hole: f64,
     /// Standard deviation of the Gaussian transmission.
     pub apodization: Option<f64>,
@@ -49,7 +50,7 @@ impl Profile {
         }
     }
 
-    /// Share of the light that the opening lets through at `rho`; aberration moves light, but stops none.
+    /// The part of the light that the opening lets through at `rho`; aberration moves light, but does not block any.
     pub fn transmission(&self, rho: f64) -> f64 {
         if rho < self.hole {
             return 0.0;
@@ -57,7 +58,7 @@ impl Profile {
         self.apodization.map_or(1.0, |sigma| (-0.5 * (rho / sigma).powi(2)).exp())
     }
 
-    /// Light between the rim of the hole and `rho`, but for a constant factor: the integral of the density over
+    /// Light between the rim of the hole and `rho`, up to a constant factor: the integral of the density over
     /// `x = rho^2`, in closed form.
     fn mass(&self, rho: f64, side: Side) -> f64 {
         let s = self.slope(side);
@@ -72,12 +73,12 @@ impl Profile {
         }
     }
 
-    /// How far from the centre to the rim the fraction `u` of the light passes.
+    /// The `rho` within which the fraction `u` of the light passes.
     pub fn quantile(&self, u: f64, side: Side) -> f64 {
         let (hole, rim) = (self.hole * self.hole, 1.0);
         match (self.apodization, self.spherical == 0.0) {
             (None, true) => (hole + u * (rim - hole)).sqrt(),
-            // The transmission exp(-r^2 / 2 sigma^2), cut at both rims, has this closed quantile.
+            // The transmission exp(-r^2 / 2 sigma^2), truncated at both rims, has this closed-form quantile.
             (Some(sigma), true) => {
                 let [hole, rim] = [hole, rim].map(|x| (-0.5 * x / (sigma * sigma)).exp());
                 (-2.0 * (hole - u * (hole - rim)).ln()).sqrt() * sigma
@@ -94,8 +95,8 @@ impl Profile {
         }
     }
 
-    /// The profile as a stack of whole openings, `(scale, weight)`, whose sum has the profile's own light between
-    /// any two of `steps` rims.
+    /// The profile as a stack of whole openings, `(scale, weight)`. Between any two of `steps` rims, their sum has
+    /// the same light as the profile.
     pub fn stack(&self, steps: usize, side: Side) -> Vec<(f64, f64)> {
         let steps = if self.is_flat() { 1 } else { steps };
         let rim = |i: usize| self.hole + (1.0 - self.hole) * i as f64 / steps as f64;
@@ -103,7 +104,7 @@ impl Profile {
             let (a, b) = (rim(i), rim(i + 1));
             if self.is_flat() { 1.0 } else { (self.mass(b, side) - self.mass(a, side)) / (b * b - a * a) }
         };
-        // Each rim adds what is inside it to what lies beyond.
+        // Each rim raises the density inside it to its own level, relative to the density outside.
         let mut stack = Vec::new();
         let mut beyond = 0.0;
         for i in (0..steps).rev() {

@@ -1,4 +1,4 @@
-//! Openings of every kind: their lens points, their kernels, and that both agree.
+//! Openings of every kind: their lens points, their kernels, and the agreement of both.
 
 use super::*;
 use proptest::prelude::*;
@@ -14,11 +14,11 @@ fn openings() -> Vec<(Aperture, Option<[f64; 2]>)> {
     vec![
         (disc(), Some([0.25; 2])),
         (hexagon(), Some([six; 2])),
-        // The Gaussian is cut far out.
+        // The Gaussian is truncated far out.
         (Aperture::new(0, 0.0, Some(0.25)).unwrap(), Some([0.0625; 2])),
         (hexagon().with_ratio(2.0).unwrap(), Some([six / 4.0, six])),
         (disc().with_ratio(0.5).unwrap(), Some([0.25, 0.0625])),
-        // Disc less disc: (1 - o^4) / (1 - o^2) / 4.
+        // Disc minus disc: (1 - o^4) / (1 - o^2) / 4.
         (disc().with_obstruction(0.5).unwrap(), Some([0.3125; 2])),
         (hexagon().with_roundness(1.0).unwrap(), Some([0.25; 2])),
         (hexagon().with_roundness(0.3).unwrap(), None),
@@ -42,7 +42,7 @@ fn lens_points_have_the_moments_of_the_opening() {
     }
 }
 
-/// Mean and second moments of a kernel in units of its radius, the pixels' own taken off.
+/// Mean and second moments of a kernel in units of its radius, with the moments of a pixel subtracted.
 fn moments(kernel: &Kernel, r: f64) -> [f64; 4] {
     let mut sums = [0.0; 4];
     for (dx, dy, w) in kernel.weights() {
@@ -83,7 +83,7 @@ fn aberration_has_a_bright_rim_behind_the_focus_and_a_soft_one_in_front() {
         let weight = |x: i32| kernel.weights().find(|w| (w.0, w.1) == (x, 0)).map_or(0.0, |w| f64::from(w.2));
         weight(28) / weight(0)
     };
-    // The density at rho is 1 + s (2 rho^2 - 1), with the sign of s turned in front.
+    // The density at rho is 1 + s (2 rho^2 - 1), with the sign of s reversed in front.
     let density = |s: f64, rho: f64| 1.0 + s * (2.0 * rho * rho - 1.0);
     for (t, s) in [(-30.0, 0.5), (30.0, -0.5)] {
         let expected = density(s, 28.0 / 30.0) / density(s, 0.0);
@@ -99,7 +99,7 @@ fn kernels_sum_to_one_and_small_ones_are_the_identity() {
             let sum: f64 = kernel.weights().map(|w| f64::from(w.2)).sum();
             assert!((sum - 1.0).abs() < 1e-5, "{aperture:?} {t}: {sum}");
             if t.abs() <= 0.5 {
-                // The chords of a curve reach out of the pixel by some ten-thousandths.
+                // The chords of a curve extend past the pixel by some ten-thousandths.
                 let own = kernel.weights().find(|w| (w.0, w.1) == (0, 0)).map_or(0.0, |w| w.2);
                 assert!(own > 1.0 - 1e-5, "{aperture:?} {t}: {own}");
             }

@@ -1,34 +1,34 @@
-//! Linear interpolation between the centres of pixels that are larger than the picture's.
+//! Linear interpolation between the centres of pixels that are larger than those of the picture.
 
 use crate::mirror::mirrored;
 use crate::simd::Simd;
 
-/// A target whose pixels are `scale` times as large along each axis; `scale` is a power of two.
+/// A target whose pixels are `scale` times as large as the picture's along each axis; `scale` is a power of two.
 pub struct Enlarge {
-    /// How far between two pixels of the target the picture's pixels lie, from the first one past a centre.
+    /// Positions of the picture's pixels between two pixels of the target, starting with the first one past a centre.
     fractions: Vec<f32>,
-    /// A row between two of the target's, with the pixels beyond both ends.
+    /// A row interpolated between two rows of the target, with one more pixel at both ends.
     between: Vec<f32>,
 }
 
 impl Enlarge {
-    /// For targets of rows of `width` pixels.
+    /// For targets with rows of `width` pixels.
     pub fn new(scale: usize, width: usize) -> Enlarge {
         let fraction = |i: usize| ((scale / 2 + i) as f64 + 0.5) / scale as f64 - 0.5;
         Enlarge { fractions: (0..scale).map(|i| fraction(i) as f32).collect(), between: vec![0.0; width + 2] }
     }
 
-    /// A row for [`Enlarge::row`].
+    /// A row that [`Enlarge::row`] can write into.
     pub fn new_row(&self) -> Vec<f32> {
         vec![0.0; (self.between.len() - 1) * self.fractions.len()]
     }
 
-    /// Where the picture's first pixel is in a row.
+    /// The position of the picture's first pixel in such a row.
     pub fn first(&self) -> usize {
         self.fractions.len() - self.fractions.len() / 2
     }
 
-    /// The rows of a target of `height` rows that the picture's row `y` lies between.
+    /// The rows of a target of `height` rows between which the picture's row `y` lies.
     pub fn rows(&self, y: usize, height: usize) -> [usize; 2] {
         [0, 1].map(|i| mirrored(((y + self.first()) / self.fractions.len() + i) as i64 - 1, height).0)
     }
@@ -61,7 +61,7 @@ impl Enlarge {
     }
 }
 
-/// A row between two, and what lies beyond its ends: its mirror image.
+/// A row between two rows, extended at both ends by its mirror image.
 #[inline(always)]
 fn between(fraction: f32, rows: [&[f32]; 2], out: &mut [f32]) {
     let last = rows[0].len();
@@ -71,12 +71,12 @@ fn between(fraction: f32, rows: [&[f32]; 2], out: &mut [f32]) {
     (out[0], out[last + 1]) = (out[1], out[last]);
 }
 
-/// Interpolates between every two neighbours of a row at all `fractions`, a multiple of `N` of them.
+/// Interpolates between all neighbours of a row at all `fractions`, whose number is a multiple of `N`.
 #[inline(always)]
 fn stretch<const N: usize>(fractions: &[f32], row: &[f32], out: &mut [f32]) {
     let (fractions, out, pairs) = (fractions.as_chunks::<N>().0, out.as_chunks_mut::<N>().0, row.windows(2));
     if let [fractions] = fractions {
-        // Known to be one, they take two thirds of the time.
+        // If the compiler knows that there is only one, this takes two thirds of the time.
         out.iter_mut().zip(pairs).for_each(|(out, pair)| interpolate(fractions, pair, out));
     } else {
         for (out, pair) in out.chunks_exact_mut(fractions.len()).zip(pairs) {
@@ -107,7 +107,7 @@ mod tests {
             for x in scale / 2..5 * scale - scale / 2 {
                 assert_eq!(out[enlarge.first() + x], x as f32, "{scale}");
             }
-            // Down the picture: rows 0, 1, 2 .. of the target have their centres at the ramp's values.
+            // Down the picture, where rows 0, 1, 2 .. of the target have their centres at the ramp's values.
             for y in scale / 2..5 * scale - scale / 2 {
                 let rows = enlarge.rows(y, 5).map(|row| [ramp[row]; 5]);
                 enlarge.row(Simd::PORTABLE, y, [&rows[0], &rows[1]], &mut out);

@@ -1,11 +1,12 @@
-//! The picture darkened away from the axis, as the lens does it.
+//! Falloff: the lens darkens the picture away from the axis.
 
 use crate::optics::Falloff;
 use crate::picture::Size;
 use crate::plan::lens::optical_vignetting::PupilClip;
 use rayon::prelude::*;
 
-/// Darkens the `lights` first channels of an interleaved picture; `clip` says what the second stop leaves of the opening.
+/// Darkens the `lights` first channels of an interleaved picture. `clip` gives the part of the opening that the
+/// second stop leaves open.
 pub fn darken(picture: &mut [f32], size: Size, lights: usize, falloff: &Falloff, clip: Option<&PupilClip>) {
     let clip = clip.filter(|_| falloff.optical);
     picture.par_chunks_mut(size.width * size.channels).enumerate().for_each(|(y, row)| {

@@ -11,19 +11,20 @@ use crate::rows::{interleave, mix, render_bands, with_channels};
 use crate::simd::Simd;
 use rayon::prelude::*;
 
-/// Rows of the half-size copy that are worked on at once.
+/// Rows of the half-size copy that one task processes.
 const BAND: usize = 16;
-/// Mirrored texels on both sides of a row of the half-size copy: taps read up to the next one beyond their reach.
+/// Mirrored texels on both sides of a row of the half-size copy: taps also read the texel beyond their reach.
 const MARGIN: usize = REACH + 1;
-/// Values of a row that are blurred along y at once.
+/// Values of a row that are blurred together along y.
 const ROW_BLOCK: usize = 64;
 
-/// The picture, interleaved.
+/// Renders the picture, interleaved, into `out`.
 pub fn render(job: &Job, settings: &Settings, out: &mut [f32]) -> Result<()> {
     let Job { front: layer, size, optics, simd, cancel } = *job;
     let plan = Plan::new(settings, optics);
     let input = Input { layer, size, half: (size.width.div_ceil(2), size.height.div_ceil(2)) };
-    // Rows of the half-size copy, blurred along x: one line for each weighted colour and one for the weights.
+    // Rows of the half-size copy, blurred along x. A row has one line for each weighted colour and one for the
+    // weights.
     let used = input.used();
     let length = used.next_multiple_of(ROW_BLOCK);
     let mut across = Buffer::unset(length * input.half.1);
@@ -58,7 +59,7 @@ pub fn render(job: &Job, settings: &Settings, out: &mut [f32]) -> Result<()> {
     )
 }
 
-/// The picture, and the columns and rows of its half-size copy.
+/// The picture, and the number of columns and rows of its half-size copy.
 struct Input<'a> {
     layer: &'a Layer,
     size: Size,
@@ -66,7 +67,7 @@ struct Input<'a> {
 }
 
 impl Input<'_> {
-    /// Values of a row of the half-size copy: its lines one after the other.
+    /// Number of values in a row of the half-size copy: its lines, one after the other.
     fn used(&self) -> usize {
         self.half.0 * (self.size.channels + 1)
     }
@@ -93,7 +94,7 @@ fn blurriness_row(plan: &Plan, disparity: &[f32], out: &mut [f32]) {
 /// A row of the half-size copy with a margin: the colours, then blurriness.
 struct Halved {
     lines: Vec<Vec<f32>>,
-    /// Blurriness of the two rows that become one.
+    /// Blurriness of the two rows of the picture from which a row is made.
     blurriness: [Vec<f32>; 2],
 }
 
@@ -133,7 +134,7 @@ impl Halved {
     }
 }
 
-/// The means of two by two pixels of two rows.
+/// The means of two by two pixels from two rows.
 #[inline(always)]
 fn halve(top: &[f32], bottom: &[f32], out: &mut [f32]) {
     for ((out, top), bottom) in out.iter_mut().zip(top.chunks_exact(2)).zip(bottom.chunks_exact(2)) {
@@ -142,18 +143,18 @@ fn halve(top: &[f32], bottom: &[f32], out: &mut [f32]) {
     if let ([top], [bottom], Some(out)) =
         (top.chunks_exact(2).remainder(), bottom.chunks_exact(2).remainder(), out.last_mut())
     {
-        // The mirror image of the last column is that column.
+        // The mirror image of the last column is that column itself.
         *out = 0.5 * (top + bottom);
     }
 }
 
-/// What a tap of this blurriness counts.
+/// The weight of a tap of this blurriness.
 #[inline(always)]
 fn weight(blurriness: f32, threshold: f32) -> f32 {
     (blurriness - threshold).clamp(0.0, 1.0)
 }
 
-/// A block of a line interpolated between the texels at two indices.
+/// A block of a line, interpolated between the texels at two indices.
 #[inline(always)]
 fn between(line: &[f32], near: usize, far: usize, fraction: f32) -> [f32; BLOCK] {
     let (a, b) = (block::<BLOCK>(line, near), block::<BLOCK>(line, far));
@@ -171,7 +172,7 @@ struct Weighted<const C: usize> {
 }
 
 impl<const C: usize> Weighted<C> {
-    /// Adds a tap between the texels at two indices.
+    /// Adds a tap that lies between the texels at two indices.
     #[inline(always)]
     fn add(&mut self, halved: &Halved, near: usize, far: usize, fraction: f32, threshold: f32) {
         let blurriness = between(&halved.lines[C], near, far, fraction);
@@ -189,7 +190,7 @@ impl<const C: usize> Weighted<C> {
     }
 }
 
-/// Blurs a row of the half-size copy along x: weighted sums, not yet divided by the weights.
+/// Blurs a row of the half-size copy along x. The result is a weighted sum, not yet divided by the weights.
 #[inline(always)]
 fn blur_x<const C: usize>(plan: &Plan, halved: &Halved, out: &mut [f32]) {
     let width = out.len() / (C + 1);
@@ -211,13 +212,13 @@ fn blur_x<const C: usize>(plan: &Plan, halved: &Halved, out: &mut [f32]) {
 /// The half-size copy blurred along x.
 struct Across {
     values: Buffer<f32>,
-    /// Values of a row, whole blocks, of which those beyond its lines mean nothing.
+    /// Number of values in a row, rounded up to whole blocks; the values after its lines are undefined.
     length: usize,
     rows: usize,
 }
 
 impl Across {
-    /// A row; beyond the border lies the mirror image.
+    /// A row of the half-size copy, mirrored at the border.
     fn row(&self, y: i64) -> &[f32] {
         &self.values[mirrored(y, self.rows).0 * self.length..][..self.length]
     }
@@ -225,14 +226,15 @@ impl Across {
 
 /// Blurred colours around one row of the picture.
 struct Blurred {
-    /// Rows of the half-size copy by number modulo their count: the lines of colour, with a texel of margin.
+    /// The lines of colour of two rows of the half-size copy, with a margin of one texel. A row is stored at its
+    /// number modulo their count.
     rows: [(Option<i64>, Vec<f32>); 2],
-    /// Weighted sums of a row, whole blocks, of which so many are used.
+    /// Weighted sums of a row, in whole blocks, of which this many values are used.
     sums: Vec<f32>,
     used: usize,
-    /// Between the two rows.
+    /// A line interpolated between the two rows.
     line: Vec<f32>,
-    /// From one line to the next.
+    /// Distance from one line to the next.
     stride: usize,
     blurriness: Vec<f32>,
 }
@@ -253,7 +255,7 @@ impl Blurred {
 
     /// Interpolates the rows of the half-size copy above and below row `y` of the picture.
     fn interpolate(&mut self, simd: Simd, plan: &Plan, across: &Across, y: usize) {
-        // Row y lies at y / 2 - 1/4.
+        // Row y of the picture is at row y / 2 - 1/4 of the half-size copy.
         let (above, fraction) =
             if y.is_multiple_of(2) { (y as i64 / 2 - 1, 0.75) } else { (y as i64 / 2, 0.25) };
         for row in [above, above + 1] {
@@ -280,7 +282,7 @@ impl Blurred {
     }
 }
 
-/// Blurs rows along y into their middle one.
+/// Blurs rows along y into the middle row.
 #[inline(always)]
 fn blur_y(plan: &Plan, rows: &[&[f32]; 2 * REACH + 1], out: &mut [f32]) {
     for (i, out) in out.as_chunks_mut::<ROW_BLOCK>().0.iter_mut().enumerate() {
@@ -300,7 +302,7 @@ fn blur_y(plan: &Plan, rows: &[&[f32]; 2 * REACH + 1], out: &mut [f32]) {
     }
 }
 
-/// Divides weighted sums by their weights, the last line, into lines with a margin.
+/// Divides weighted sums by their weights, which are the last line, and writes them to lines with a margin.
 #[inline(always)]
 fn divide(sums: &[f32], stride: usize, lines: &mut [f32]) {
     let count = lines.len() / stride;
@@ -323,7 +325,7 @@ fn mix_lines(a: &[f32], b: &[f32], fraction: f32, out: &mut [f32]) {
     }
 }
 
-/// Lays the blurred colours over row `y` of the picture by its blurriness.
+/// Composites the blurred colours over row `y` of the picture by its blurriness.
 #[inline(always)]
 fn composite<const C: usize>(input: &Input, blurred: &Blurred, y: usize, out: &mut [f32]) {
     for (i, out) in out.chunks_mut(BLOCK * C).enumerate() {
@@ -331,7 +333,7 @@ fn composite<const C: usize>(input: &Input, blurred: &Blurred, y: usize, out: &m
         let blurriness = &blurred.blurriness[x..][..n];
         let mut colors = [[0.0f32; BLOCK]; C];
         for c in 0..C {
-            // Columns lie a quarter of a texel to the left and to the right of texels' centres.
+            // Columns are a quarter of a texel to the left and to the right of the centres of texels.
             let texels = &blurred.line[c * blurred.stride + x / 2..][..BLOCK / 2 + 2];
             for k in 0..BLOCK / 2 {
                 colors[c][2 * k] = mix(texels[k + 1], texels[k], 0.25);

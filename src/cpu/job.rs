@@ -1,4 +1,4 @@
-//! What the methods of one layer are given.
+//! The input of the methods that render one layer.
 
 use crate::cancel::Cancel;
 use crate::optics::Optics;
@@ -15,6 +15,6 @@ pub struct Job<'a> {
     pub optics: &'a Optics,
     /// The instruction set.
     pub simd: Simd,
-    /// Set by a caller who does not want the picture any more.
+    /// Set by a caller that no longer needs the picture.
     pub cancel: &'a Cancel,
 }

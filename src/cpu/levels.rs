@@ -12,7 +12,7 @@ use crate::rows::{render_rows, with_channels};
 use crate::simd::Simd;
 use rayon::prelude::*;
 
-/// The picture, interleaved.
+/// Renders the picture, interleaved, into `out`.
 pub fn render(job: &Job, settings: &Settings, out: &mut [f32]) -> Result<()> {
     let Job { front: layer, size, optics, simd, cancel } = *job;
     let plan = Plan::new(settings, optics.largest_radius_px(layer.disparity_range()));
@@ -48,7 +48,7 @@ fn radius(optics: &Optics, d: f32) -> f32 {
     optics.shift_px(f64::from(d)).abs() as f32
 }
 
-/// Where between the targets the pixels of a row lie.
+/// The positions of the pixels of a row between the targets.
 #[inline(always)]
 fn levels(plan: &Plan, optics: &Optics, disparity: &[f32], out: &mut [f32]) {
     for (level, d) in out.iter_mut().zip(disparity) {
@@ -56,7 +56,7 @@ fn levels(plan: &Plan, optics: &Optics, disparity: &[f32], out: &mut [f32]) {
     }
 }
 
-/// Planes of the means of blocks; beyond the border lies the picture's mirror image.
+/// Planes of the means of blocks; the picture is mirrored at the border.
 fn reduce(color: &[f32], size: Size, small: Size, scale: usize, simd: Simd) -> Buffer<f32> {
     let mut out = Buffer::unset(small.pixels() * small.channels);
     out.par_chunks_mut(small.width).enumerate().for_each_init(
@@ -83,7 +83,7 @@ fn reduce(color: &[f32], size: Size, small: Size, scale: usize, simd: Simd) -> B
     out
 }
 
-/// Adds a row to a row.
+/// Adds one row to another.
 #[inline(always)]
 fn accumulate(row: &[f32], sums: &mut [f32]) {
     for (sum, v) in sums.iter_mut().zip(row) {
@@ -106,7 +106,7 @@ fn filter(planes: &[f32], size: Size, weights: [f32; 3], simd: Simd) -> Buffer<f
                 #[inline(always)]
                 || down(weights, [-2, -1, 0, 1, 2].map(row), &mut column[2..]),
             );
-            // Beyond the ends of the row lies its mirror image.
+            // The row is mirrored at its ends.
             for i in [0, 1, size.width + 2, size.width + 3] {
                 column[i] = column[2 + mirrored(i as i64 - 2, size.width).0];
             }
@@ -119,13 +119,13 @@ fn filter(planes: &[f32], size: Size, weights: [f32; 3], simd: Simd) -> Buffer<f
     out
 }
 
-/// Five values in a row, filtered.
+/// Filters five values of a row.
 #[inline(always)]
 fn step([middle, beside, beyond]: [f32; 3], v: [f32; 5]) -> f32 {
     middle * v[2] + beside * (v[1] + v[3]) + beyond * (v[0] + v[4])
 }
 
-/// The middle one of five rows, filtered down the columns.
+/// Filters five rows along y into the middle row.
 #[inline(always)]
 fn down(weights: [f32; 3], rows: [&[f32]; 5], out: &mut [f32]) {
     let rows = rows.map(|row| &row[..rows[0].len()]);
@@ -134,7 +134,7 @@ fn down(weights: [f32; 3], rows: [&[f32]; 5], out: &mut [f32]) {
     }
 }
 
-/// A row with two pixels more at either end, filtered along itself.
+/// Filters a row, which has two more pixels at either end, along x.
 #[inline(always)]
 fn across(weights: [f32; 3], row: &[f32], out: &mut [f32]) {
     for (out, v) in out.iter_mut().zip(row.windows(5)) {
@@ -142,12 +142,12 @@ fn across(weights: [f32; 3], row: &[f32], out: &mut [f32]) {
     }
 }
 
-/// The rows that one worker uses.
+/// The scratch rows of one worker.
 struct Scratch {
     enlarge: Enlarge,
-    /// Where between the targets each pixel lies.
+    /// The position of each pixel between the targets.
     level: Vec<f32>,
-    /// Each channel's row of a target at full size.
+    /// For each channel, a row of a target at full size.
     half_way: Vec<Vec<f32>>,
     last: Vec<Vec<f32>>,
 }
@@ -171,7 +171,7 @@ impl Scratch {
     }
 }
 
-/// One row of the picture between its targets.
+/// Interpolates one row of the picture between its targets.
 #[inline(always)]
 fn interpolate<const C: usize>(sharp: &[&[f32]; C], scratch: &Scratch, out: &mut [f32]) {
     for c in 0..C {

@@ -6,10 +6,10 @@ use crate::picture::Size;
 use crate::plan::magnify::{Source, sources};
 use crate::rows::render_rows;
 
-/// An interleaved picture with every channel magnified about `centre`; what lies beyond the border is its mirror image.
+/// An interleaved picture with every channel magnified about `centre`; the picture is mirrored at the border.
 ///
-/// The cubic would overshoot beside a highlight, so that each value is kept within those of the four pixels around its
-/// place: no ring, and nothing negative.
+/// The cubic would overshoot beside a highlight. So each value is limited to the range of the four pixels around it:
+/// there is no ringing, and no negative light.
 pub fn magnify(
     picture: &[f32],
     size: Size,

@@ -1,4 +1,5 @@
-//! The CPU path: what carries the plans out. [`render`] is the way of a picture; a method is a file, or a folder.
+//! The CPU path, which carries out the plans. [`render`] is the sequence of steps for a picture; a method is a file
+//! or a folder.
 
 mod enlarge;
 mod falloff;

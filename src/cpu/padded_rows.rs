@@ -3,28 +3,28 @@
 use crate::mirror::mirrored;
 use crate::picture::Size;
 
-/// Columns that filters work on at once: so many that the compiler makes vector loops of them. Rows of a window are
-/// long enough for whole blocks.
+/// Number of columns that filters process together, large enough for the compiler to vectorise the loops. Rows of a
+/// window hold whole blocks.
 pub const BLOCK: usize = 64;
 
-/// Some rows of planes with a mirrored margin around them, so that a filter may read around any pixel without asking.
-/// It is small enough to stay in a worker's cache, and is filled again for one band of rows after another.
+/// Some rows of planes with a mirrored margin around them, so that a filter can read around any pixel without bounds
+/// tests. It is small enough to stay in a worker's cache, and is refilled for one band of rows after another.
 pub struct PaddedRows {
     size: Size,
     margin: usize,
-    /// Values from one row to the next.
+    /// Distance from one row to the next.
     pub stride: usize,
-    /// Values from one plane to the next.
+    /// Distance from one plane to the next.
     area: usize,
-    /// The first row of the frame that can be asked for.
+    /// The first row of the frame in the window, not counting the margin.
     first: usize,
     values: Vec<f32>,
-    /// Places of a row beyond the frame, and those whose mirror image they are.
+    /// Positions of a row outside the frame, each with the position whose mirror image it is.
     beyond: Vec<(usize, usize)>,
 }
 
 impl PaddedRows {
-    /// A window on `size.channels` planes, up to `rows` rows of a frame, and at least `margin` pixels around them.
+    /// A window for `size.channels` planes, up to `rows` rows of a frame, and a margin of at least `margin` pixels.
     pub fn new(size: Size, rows: usize, margin: usize) -> PaddedRows {
         let stride = size.width.next_multiple_of(BLOCK) + 2 * margin;
         let area = (rows + 2 * margin) * stride;
@@ -35,7 +35,7 @@ impl PaddedRows {
         PaddedRows { size, margin, stride, area, first: 0, values: vec![0.0; size.channels * area], beyond }
     }
 
-    /// Moves the window to `rows` rows from `first` on; `read(plane, y, row)` gives those of the frame.
+    /// Moves the window to `rows` rows starting at `first`; `read(plane, y, row)` reads a row of the frame.
     pub fn fill(&mut self, first: usize, rows: usize, read: impl Fn(usize, usize, &mut [f32])) {
         self.first = first;
         for (plane, values) in self.values.chunks_mut(self.area).enumerate() {
@@ -55,7 +55,7 @@ impl PaddedRows {
         &self.values[i * self.area..][..self.area]
     }
 
-    /// A block of the first `C` planes from index `at` on.
+    /// A block of the first `C` planes, starting at index `at`.
     #[inline(always)]
     pub fn blocks<const C: usize, const N: usize>(&self, at: usize) -> [[f32; N]; C] {
         let mut out = [[0.0; N]; C];
@@ -65,14 +65,14 @@ impl PaddedRows {
         out
     }
 
-    /// Index in a plane of pixel `(x, y)` of the frame.
+    /// Index of pixel `(x, y)` of the frame in a plane.
     #[inline(always)]
     pub fn index(&self, x: usize, y: usize) -> usize {
         (y - self.first + self.margin) * self.stride + x + self.margin
     }
 }
 
-/// A block of a plane from index `at` on, no longer than [`BLOCK`].
+/// A block of a plane, starting at index `at`; no longer than [`BLOCK`].
 #[inline(always)]
 pub fn block<const N: usize>(plane: &[f32], at: usize) -> &[f32; N] {
     plane[at..].first_chunk().expect("rows of a window hold whole blocks")

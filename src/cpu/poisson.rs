@@ -7,12 +7,12 @@ use crate::picture::Size;
 use crate::plan::poisson::{LeakTest, Plan, Settings, Tap};
 use crate::rows::{greater, interleave, lesser, mix, render_bands, with_channels};
 
-/// Rows that are worked on at once, or as many as the margin has if that is more.
+/// Rows that one task processes, or as many as the margin has if that is more.
 const BAND: usize = 16;
-/// Pixels of a row that are worked on at once: all that is added up for them fits into registers.
+/// Pixels of a row that are processed together: their sums fit into registers.
 const LANES: usize = 16;
 
-/// The picture, interleaved.
+/// Renders the picture, interleaved, into `out`.
 pub fn render(job: &Job, settings: &Settings, out: &mut [f32]) -> Result<()> {
     let Job { front: layer, size, optics, simd, cancel } = *job;
     let plan = Plan::new(settings, optics);
@@ -61,23 +61,23 @@ fn blurriness_row(plan: &Plan, disparity: &[f32], out: &mut [f32]) {
     }
 }
 
-/// What a tap counts under the leak test, before its own weight.
+/// The weight of a tap under the leak test, without the tap's own weight.
 #[inline(always)]
 fn contribution(centre_disparity: f32, tap_disparity: f32, tap_blurriness: f32) -> f32 {
     if tap_disparity > centre_disparity { tap_blurriness } else { 1.0 }
 }
 
-/// Between four neighbours, two above and two below.
+/// Interpolates between four neighbours, two above and two below.
 #[inline(always)]
 fn bilinear(a: f32, b: f32, c: f32, d: f32, right: f32, down: f32) -> f32 {
     mix(mix(a, b, right), mix(c, d, right), down)
 }
 
-/// A place as whole pixels and the fraction beyond them, for places less than 2^22 pixels away.
+/// Splits a position less than 2^22 pixels away into whole pixels and the remaining fraction.
 #[inline(always)]
 fn split(x: f32) -> (i32, f32) {
-    // Numbers this large have no fractions: the sum is rounded to a whole number, which its low bits hold. The
-    // conversions that Rust offers saturate, and that is done one by one.
+    // Numbers this large have no fractions, so the sum is rounded to a whole number, which its low bits hold. Rust's
+    // own conversions saturate, and are not vectorised.
     const LARGE: f32 = 12_582_912.0;
     let rounded = x + LARGE;
     let (nearest, whole) = (rounded - LARGE, rounded.to_bits().wrapping_sub(LARGE.to_bits()).cast_signed());
@@ -85,21 +85,22 @@ fn split(x: f32) -> (i32, f32) {
     if beyond < 0.0 { (whole - 1, beyond + 1.0) } else { (whole, beyond) }
 }
 
-/// Where one tap reads for each pixel of a block.
+/// The positions at which one tap reads, for the pixels of a block.
 enum Places {
-    /// As far from each pixel: all have the same circle of confusion.
+    /// All pixels have the same circle of confusion, so the offset is the same for all.
     Same(Place),
-    /// At a few offsets: many blocks are so smooth that a tap has the same neighbours all along.
+    /// The offsets have only a few values: many blocks are so smooth that a tap has the same neighbours for most
+    /// pixels.
     Few(Few, EachPlace),
     Each(EachPlace),
 }
 
-/// A place between pixels.
+/// A position between pixels.
 #[derive(Clone, Copy)]
 struct Place {
     /// The upper left of the four neighbours, relative to the pixel.
     offset: i32,
-    /// How far the place lies beyond it.
+    /// The fractions of a pixel from there to the position.
     right: f32,
     down: f32,
 }
@@ -112,7 +113,7 @@ struct EachPlace {
 }
 
 impl Places {
-    /// The places of a tap where the pattern is scaled by `scale_px`.
+    /// The positions of a tap if the pattern is scaled by `scale_px`.
     #[inline(always)]
     fn new(tap: &Tap, scale_px: &Scales, stride: usize) -> Places {
         let place = |scale_px: f32| {
@@ -134,7 +135,7 @@ impl Places {
     }
 }
 
-/// The blocks of the four neighbours of places, of which the upper left one has this offset from index `at`.
+/// The blocks of the four neighbours; the upper left one has this offset from index `at`.
 #[inline(always)]
 fn neighbours(plane: &[f32], at: usize, offset: i32, stride: usize) -> [&[f32; LANES]; 4] {
     let first = at.wrapping_add_signed(offset as isize);
@@ -143,7 +144,7 @@ fn neighbours(plane: &[f32], at: usize, offset: i32, stride: usize) -> [&[f32; L
 }
 
 impl Place {
-    /// Bilinear look-ups of a block from index `at` on.
+    /// Bilinear look-ups for a block that starts at index `at`.
     #[inline(always)]
     fn read(&self, plane: &[f32], at: usize, stride: usize) -> [f32; LANES] {
         let [a, b, c, d] = neighbours(plane, at, self.offset, stride);
@@ -156,13 +157,13 @@ impl Place {
 }
 
 impl EachPlace {
-    /// Bilinear look-ups of a block from index `at` on.
+    /// Bilinear look-ups for a block that starts at index `at`.
     #[inline(always)]
     fn read(&self, plane: &[f32], at: usize, stride: usize) -> [f32; LANES] {
         let mut out = [0.0; LANES];
         for i in 0..LANES {
             let first = (at + i).wrapping_add_signed(self.offset[i] as isize);
-            // Two slices, so that only they are checked and not each of the four.
+            // Two slices, so that bounds are checked for them only and not for each of the four values.
             let (above, below) = (&plane[first..first + 2], &plane[first + stride..first + stride + 2]);
             out[i] = bilinear(above[0], above[1], below[0], below[1], self.right[i], self.down[i]);
         }
@@ -184,23 +185,23 @@ impl EachPlace {
     }
 }
 
-/// A few different offsets.
+/// The few offsets that occur.
 struct Few {
     found: [i32; Few::MOST],
     count: usize,
 }
 
 impl Few {
-    /// For more than these, reading every pixel by itself costs less.
+    /// If there are more, reading every pixel separately costs less.
     const MOST: usize = 6;
 
-    /// The values in a block from the least on.
+    /// The distinct values in a block, in rising order.
     #[inline(always)]
     fn of(block: &[i32; LANES]) -> Option<Few> {
         let mut few = Few { found: [i32::MAX; Few::MOST], count: 0 };
         let mut last = i32::MIN;
         loop {
-            // The least of those beyond the last one.
+            // The least of the values beyond the last one found.
             let mut next = i32::MAX;
             for &v in block {
                 next = next.min(if v > last { v } else { i32::MAX });
@@ -215,14 +216,14 @@ impl Few {
     }
 }
 
-/// What the taps of a block add up to.
+/// The sums over the taps of a block.
 struct Sums<const C: usize> {
-    /// What the taps' colours are beyond the centre's.
+    /// Weighted sums of the differences between the taps' colours and the centre's.
     moved: [[f32; LANES]; C],
     total: [f32; LANES],
 }
 
-/// The pixels of a block, and what a tap that they look at is compared with.
+/// The pixels of a block, and the values with which their taps are compared.
 struct Centre<'a, const C: usize> {
     planes: [&'a [f32]; C],
     disparities: &'a [f32],
@@ -255,7 +256,7 @@ impl<const C: usize> Sums<C> {
     }
 }
 
-/// The average over all taps for a block from index `at` on.
+/// The average over all taps, for a block that starts at index `at`.
 #[inline(always)]
 fn average<const C: usize>(
     plan: &Plan,
@@ -273,7 +274,7 @@ fn average<const C: usize>(
     let centre = Centre { planes, disparities, blurriness, color, disparity, leak_test };
     let mut sums = Sums { moved: [[0.0; LANES]; C], total: [plan.centre; LANES] };
     for tap in &plan.taps {
-        // Outside of the loop over the planes, which stays small enough to be unrolled.
+        // This is outside the loop over the planes, which then stays small enough to be unrolled.
         match &Places::new(tap, scale_px, stride) {
             Places::Same(place) => sums.add(
                 &centre,
@@ -298,14 +299,14 @@ fn average<const C: usize>(
     let mut out = centre.color;
     for c in 0..C {
         for i in 0..LANES {
-            // Where nothing counts at all the pixel keeps its colour.
+            // If no tap counts at all, the pixel keeps its colour.
             out[c][i] += sums.moved[c][i] / sums.total[i].max(f32::MIN_POSITIVE);
         }
     }
     out
 }
 
-/// By what the pattern is scaled around each pixel of a block.
+/// The scale of the pattern around each pixel of a block.
 struct Scales {
     each: [f32; LANES],
     all_alike: bool,
@@ -325,32 +326,32 @@ impl Scales {
     }
 }
 
-/// What bounds the leak test: the extremes over every few columns of a window.
+/// Bounds for the leak test: the extremes over every few columns of a window.
 #[derive(Default)]
 struct Extremes {
-    /// Of each column.
+    /// Extremes of each column.
     columns: Vec<f32>,
     nearest: Vec<f32>,
     least_blurred: Vec<f32>,
 }
 
 impl Extremes {
-    /// Columns that share their extremes.
+    /// Number of columns that share their extremes.
     const CELL: usize = 16;
 
-    /// The leak test for the block from column `x` on: off where it would change nothing.
+    /// The leak test for the block that starts at column `x`. It is turned off where it would change nothing.
     #[inline(always)]
     fn leak_test(&self, plan: &Plan, x: usize, disparity: &[f32; LANES]) -> LeakTest {
         let cells = x / Self::CELL..(x + LANES + 2 * plan.margin).div_ceil(Self::CELL);
         let nearest = self.nearest[cells.clone()].iter().fold(f32::NEG_INFINITY, |a, b| greater(a, *b));
         let least_blurred = self.least_blurred[cells].iter().fold(f32::INFINITY, |a, b| lesser(a, *b));
         let farthest = disparity.iter().fold(f32::INFINITY, |a, b| lesser(a, *b));
-        // Nothing is in front of any pixel, or all that is counts as much as the rest.
+        // No tap is in front of any pixel, or all taps in front count as much as the others.
         if nearest <= farthest || least_blurred >= 1.0 { LeakTest::Off } else { plan.leak_test }
     }
 }
 
-/// What `pick` leaves of every few columns of a plane.
+/// Reduces every few columns of a plane with `pick`.
 #[inline(always)]
 fn reduce(
     plane: &[f32],

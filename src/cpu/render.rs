@@ -1,4 +1,4 @@
-//! A scene through a lens, on the CPU; the twin of `gpu::render`.
+//! Renders a scene through a lens on the CPU; the twin of `gpu::render`.
 
 use super::{falloff, gaussian, hexagonal, job::Job, lens, levels, magnify, poisson, resolve, sprites, taps};
 use crate::cancel::Cancel;
@@ -12,7 +12,7 @@ use crate::simd::Simd;
 use std::borrow::Cow;
 use std::sync::Arc;
 
-/// A scene through one lens.
+/// A scene, and the lens through which it is rendered.
 pub struct Exposure<'a> {
     pub scene: &'a Scene,
     pub imaging: &'a Imaging,
@@ -22,7 +22,7 @@ pub struct Exposure<'a> {
 }
 
 impl Exposure<'_> {
-    /// The picture at the size of the output, interleaved, into `out`.
+    /// Renders the picture at the size of the output, interleaved, into `out`.
     pub fn render(&self, out: &mut [f32]) -> Result<()> {
         if self.scene.supersample == 1 {
             return self.full(out);
@@ -33,13 +33,13 @@ impl Exposure<'_> {
         Ok(())
     }
 
-    /// Memory for the picture at its own size.
+    /// Uninitialised memory for the picture at its own size.
     fn unset(&self) -> Buffer<f32> {
         let size = self.scene.picture.size;
         Buffer::unset(size.pixels() * size.channels)
     }
 
-    /// The picture at its own size.
+    /// Renders the picture at its own size.
     fn full(&self, out: &mut [f32]) -> Result<()> {
         let Exposure { scene, imaging, cancel, .. } = *self;
         let size = scene.picture.size;
@@ -58,7 +58,7 @@ impl Exposure<'_> {
         Ok(())
     }
 
-    /// What the method makes of the picture.
+    /// Runs the method on the picture.
     fn blurred(&self, out: &mut [f32]) -> Result<()> {
         let Exposure { scene, imaging, simd, cancel, .. } = *self;
         let flattened = scene.flattened(&imaging.surface);
@@ -87,15 +87,15 @@ impl Exposure<'_> {
     }
 }
 
-/// What is rendered at one focus: all of a picture, or some of its channels.
+/// The part of a picture that is rendered at one focus: all of it, or some of its channels.
 struct Part<'a> {
     picture: Cow<'a, Picture>,
     channels: Option<&'a [usize]>,
     optics: Optics,
 }
 
-/// The picture with every colour rendered at its own focus, all at once where that is the same. Coverage, which colours
-/// need where there is one, is green's.
+/// The picture with each colour rendered at its own focus, or all together if their focus is the same. If there is
+/// coverage, each colour needs it for its render; the result keeps green's.
 fn by_focus(
     imaging: &Imaging,
     picture: &Picture,

@@ -1,4 +1,4 @@
-//! From a super-sampled picture to the pixels of the output.
+//! Averages a super-sampled picture down to the pixels of the output.
 
 use crate::picture::Size;
 use rayon::prelude::*;

@@ -7,10 +7,10 @@ use crate::picture::Size;
 use crate::plan::taps::{Mix, Plan, Settings, Tap};
 use crate::rows::{interleave, render_bands, with_channels};
 
-/// Rows that are worked on at once.
+/// Rows that one task processes.
 const BAND: usize = 16;
 
-/// The picture, interleaved.
+/// Renders the picture, interleaved, into `out`.
 pub fn render(job: &Job, settings: &Settings, out: &mut [f32]) -> Result<()> {
     let Job { front: layer, size, optics, simd, cancel } = *job;
     let plan = Plan::new(settings, optics);
@@ -56,7 +56,7 @@ fn weights(mix: Mix, centre_blur: &[f32; BLOCK], tap_blur: &[f32; BLOCK]) -> [f3
     out
 }
 
-/// A block of one plane as a look-up sees it.
+/// A block of one plane at the offset of a look-up.
 #[inline(always)]
 fn look_up(plane: &[f32], stride: usize, at: usize, tap: &Tap) -> [f32; BLOCK] {
     let mut out = [0.0; BLOCK];

@@ -1,8 +1,8 @@
-//! A frame in tiles that workers fill on their own.
+//! A frame cut into tiles that workers fill independently.
 
 use crate::picture::Size;
 
-/// A piece of an interleaved frame.
+/// A rectangle of an interleaved frame.
 pub struct Tile<'a> {
     /// Column and row of its first pixel.
     pub origin: (usize, usize),
@@ -10,7 +10,7 @@ pub struct Tile<'a> {
     pub rows: Vec<&'a mut [f32]>,
 }
 
-/// Cuts an interleaved frame into tiles of `columns` x `rows` pixels, smaller at its ends, in scan order.
+/// Cuts an interleaved frame into tiles of `columns` x `rows` pixels, smaller at the right and bottom, in scan order.
 pub fn split(frame: &mut [f32], size: Size, (columns, rows): (usize, usize)) -> Vec<Tile<'_>> {
     let length = size.width * size.channels;
     let mut tiles: Vec<Tile> = Vec::new();

@@ -1,4 +1,4 @@
-//! Files that appear under their own name only when they are whole.
+//! Files that appear under their name only when they are complete.
 
 use super::error::{Problem, Result};
 use super::source::with_path;
@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Writes a file beside `path` and moves it there when `write` has succeeded.
 ///
-/// When anything fails, what was at `path` before is still there, and nothing else is.
+/// If anything fails, the previous file at `path` is still there, and no other file remains.
 pub fn replace(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> std::result::Result<(), Problem>,
@@ -32,7 +32,7 @@ pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
     replace(path, |writer| Ok(writer.write_all(bytes)?))
 }
 
-/// Where the file is to be: through a symbolic link, and never in the place of a device or a folder.
+/// The path that is replaced: symbolic links are followed, and a device or a folder is never replaced.
 fn target(path: &Path) -> std::result::Result<PathBuf, Problem> {
     let target = match fs::canonicalize(path) {
         Ok(existing) => existing,
@@ -89,7 +89,7 @@ impl Temporary {
 impl Drop for Temporary {
     fn drop(&mut self) {
         if let Some(path) = &self.0 {
-            // Already on the way out with another error, which says more than this one would.
+            // Another error is already being returned, which says more than this one would.
             let _ = fs::remove_file(path);
         }
     }

@@ -1,4 +1,4 @@
-//! What can go wrong with a file.
+//! The errors of reading and writing files.
 
 use std::any::Any;
 use std::io;
@@ -17,13 +17,13 @@ pub struct FileError {
     pub problem: Problem,
 }
 
-/// A text without what a terminal would obey, such as colours and new lines, which a file may have put into it.
+/// A text without control characters, such as colours and new lines, which a file may have put into it.
 fn printable(text: &str) -> String {
     let shown = |one: char| if one.is_control() { one.escape_default().to_string() } else { one.to_string() };
     text.chars().map(shown).collect()
 }
 
-/// What is wrong with a file, or with what was to be written into it.
+/// The problem with a file, or with the data to be written to it.
 #[derive(Debug, thiserror::Error)]
 pub enum Problem {
     /// The operating system refused.
@@ -32,12 +32,12 @@ pub enum Problem {
     /// The bytes contradict the format.
     #[error("damaged file: {0}")]
     Damaged(String),
-    /// A sound file of a kind that is not read here.
+    /// An intact file of a kind that is not read here.
     #[error("found {found}; accepted: {accepted}")]
     Unsupported {
-        /// What the file holds.
+        /// The kind of the file.
         found: String,
-        /// What it could hold.
+        /// The kinds that are accepted.
         accepted: &'static str,
     },
     /// A header that claims more than the file can hold.
@@ -45,7 +45,7 @@ pub enum Problem {
         "damaged file: its header claims {claimed} bytes of pixels, which a file of {length} bytes cannot hold"
     )]
     Oversized {
-        /// Bytes of pixels by the header.
+        /// Bytes of pixels according to the header.
         claimed: u128,
         /// Bytes on disk.
         length: u64,
@@ -56,7 +56,7 @@ pub enum Problem {
 }
 
 impl Problem {
-    /// A decoder that panics has met bytes it was not prepared for.
+    /// A decoder panicked, because it met bytes that it was not prepared for.
     pub(super) fn from_panic(panic: &(dyn Any + Send)) -> Self {
         let message = panic
             .downcast_ref::<&str>()
@@ -71,9 +71,9 @@ impl From<io::Error> for Problem {
     fn from(error: io::Error) -> Self {
         match error.kind() {
             io::ErrorKind::UnexpectedEof => Self::Damaged("it ends too early".into()),
-            // A seek to where no file reaches, by an offset that the file gave.
+            // A seek beyond any file, by an offset that the file contains.
             io::ErrorKind::InvalidInput => Self::Damaged("it points outside itself".into()),
-            // Decoders report their own findings as I/O errors without a number from the system.
+            // Decoders report their own findings as I/O errors without an error number of the system.
             _ if error.raw_os_error().is_none() => Self::Damaged(error.to_string()),
             _ => Self::Io(error),
         }

@@ -1,4 +1,4 @@
-//! Which format a file is in, by its first bytes and not by its name.
+//! The format of a file, detected from its first bytes and not from its name.
 
 use super::error::{Problem, Result};
 use super::source::{open, with_path};
@@ -18,7 +18,7 @@ pub enum Kind {
     WebP,
     /// Windows bitmap.
     Bmp,
-    /// Radiance's shared exponent.
+    /// Radiance HDR, with a shared exponent.
     Hdr,
     /// Tagged Image File Format.
     Tiff,
@@ -66,7 +66,7 @@ const KINDS: [(&[u8], Kind); 15] = [
     (b"PK\x05\x06", Kind::Npz),
 ];
 
-/// Formats that are often met in the place of the accepted ones, to be called by their names.
+/// Formats that users often have instead of the accepted ones, so that errors can name them.
 const FOREIGN: [(&[u8], &str); 4] = [
     (b"GIF8", "a GIF picture"),
     (b"P6", "a PPM picture"),
@@ -74,7 +74,7 @@ const FOREIGN: [(&[u8], &str); 4] = [
     (b"PIEH", "a Sintel or Middlebury .dpt/.flo file"),
 ];
 
-/// Tells the format of a file from its first bytes.
+/// Detects the format of a file from its first bytes.
 pub fn kind(path: &Path) -> Result<Kind> {
     with_path(path, || {
         let mut start = Vec::with_capacity(8);

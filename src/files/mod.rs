@@ -1,8 +1,8 @@
 //! Pictures and depth maps on disk.
 //!
-//! Every reader takes the size that a header claims as a claim. Before memory is set aside for it, it is
-//! held against the length of the file ([`source::check_claim`]). Every writer goes through [`atomic::replace`], so
-//! that a file under its own name is always whole.
+//! Every reader checks the size that a header claims against the length of the file before it allocates memory
+//! ([`source::check_claim`]). Every writer goes through [`atomic::replace`], so a file under its own name is always
+//! complete.
 
 pub mod atomic;
 mod error;
@@ -24,7 +24,7 @@ use image::ImageFormat;
 use source::{open, with_path};
 use std::path::Path;
 
-/// Reads a file of any kind but OpenEXR and NumPy's, whichever its first bytes say it is.
+/// Reads a file of any format but OpenEXR and NumPy; its first bytes determine the format.
 pub fn read_raster(path: &Path) -> Result<Raster> {
     let kind = kind(path)?;
     with_path(path, || {

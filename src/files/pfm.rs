@@ -1,4 +1,4 @@
-//! Portable float maps: three lines of text, then floats, rows from the bottom.
+//! Portable float maps: three lines of text, then floats, rows from bottom to top.
 
 use super::atomic;
 use super::error::{Problem, Result};
@@ -7,7 +7,7 @@ use super::source::{Source, check_claim};
 use std::io::{BufRead, Read, Write};
 use std::path::Path;
 
-/// No number in a PFM header is longer; a file without white space is not a PFM file.
+/// The length of the longest number in a PFM header; a file without white space is not a PFM file.
 const LONGEST_WORD: usize = 32;
 
 pub(super) fn read(mut source: Source) -> std::result::Result<Raster, Problem> {
@@ -35,7 +35,7 @@ pub(super) fn read(mut source: Source) -> std::result::Result<Raster, Problem> {
         return Err(Problem::Damaged(format!("width {width}, height {height}, scale {scale}")));
     }
 
-    // The floats are stored as they are, so the claim must be met exactly.
+    // The floats are stored uncompressed, so the size must match exactly.
     let count = (width as u128) * (height as u128) * channels as u128;
     check_claim(count * 4, source.length)?;
     if count * 4 > u128::from(source.length - header_length) {
@@ -53,7 +53,7 @@ pub(super) fn read(mut source: Source) -> std::result::Result<Raster, Problem> {
     Ok(Raster { width, height, channels, alpha: Alpha::None, samples: Samples::F32(samples) })
 }
 
-/// The next word and how many bytes it took, with the one white space after it.
+/// The next word and the number of bytes read, including the one white space after it.
 fn next_word(reader: &mut impl BufRead) -> std::result::Result<(String, usize), Problem> {
     let (mut word, mut read) = (String::new(), 0);
     for byte in reader.bytes() {

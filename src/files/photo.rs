@@ -15,8 +15,8 @@ const BESIDE_PIXELS: u64 = 64 << 20;
 pub(super) fn read(source: Source, format: ImageFormat) -> Result<Raster, Problem> {
     let length = source.length;
     let mut reader = ImageReader::with_format(source.reader, format);
-    // The decoders' own bounds are for uploads; what the header claims is held against the file's length instead. What
-    // is not pixels, such as a profile of colours, has this bound.
+    // The decoders' own limits are meant for uploads; here the header's claim is checked against the length of the
+    // file. Everything that is not pixels, such as a colour profile, has this bound.
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(BESIDE_PIXELS.saturating_add(length));
     reader.limits(limits);

@@ -1,4 +1,4 @@
-//! PNG with 8 and 16 bits a sample, written with the mark of sRGB, which the `image` crate does not offer.
+//! PNG with 8 and 16 bits per sample, marked as sRGB, which the `image` crate does not support.
 
 use super::atomic;
 use super::error::{Problem, Result};
@@ -7,12 +7,12 @@ use ::png::{BitDepth, ColorType, Compression, Encoder, EncodingError};
 use std::io::Write;
 use std::path::Path;
 
-/// Writes 1 to 4 channels of 8 or 16 bits, marked as sRGB, alpha straight.
+/// Writes 1 to 4 channels of 8 or 16 bits, marked as sRGB, with straight alpha.
 pub fn write(path: &Path, pixels: Pixels<'_>, shape: Shape) -> Result<()> {
     atomic::replace(path, |writer| encode(writer, pixels, shape, Compression::default()))
 }
 
-/// The bytes of such a file, compressed quickly: for a screen, not for a disk.
+/// The bytes of such a file, compressed quickly: meant for a screen, not for storage.
 pub fn bytes(pixels: Pixels<'_>, shape: Shape) -> std::result::Result<Vec<u8>, Problem> {
     let mut bytes = Vec::new();
     encode(&mut bytes, pixels, shape, Compression::Fast)?;

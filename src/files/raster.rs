@@ -1,9 +1,9 @@
-//! Pictures as files hold them.
+//! Pictures in the form in which files hold them.
 
 use super::error::Problem;
 use half::f16;
 
-/// How the colour of a pixel and its alpha belong together.
+/// The relation of a pixel's colour to its alpha.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Alpha {
     /// There is no alpha channel.
@@ -14,7 +14,7 @@ pub enum Alpha {
     Premultiplied,
 }
 
-/// The samples of a picture in the type they have in the file.
+/// The samples of a picture, in the type that they have in the file.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Samples {
     /// 8-bit integers.
@@ -31,22 +31,22 @@ pub enum Samples {
     F64(Vec<f64>),
 }
 
-/// A picture as it was read: rows from the top, channels of a pixel side by side.
+/// A picture as it was read: rows from top to bottom, channels interleaved.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Raster {
     /// Columns.
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Samples in a pixel.
+    /// Number of samples per pixel.
     pub channels: usize,
-    /// What the last channel is, if it is alpha.
+    /// The kind of alpha, which is the last channel if there is one.
     pub alpha: Alpha,
     /// `height * width * channels` samples.
     pub samples: Samples,
 }
 
-/// Borrowed samples on their way into an integer or float file.
+/// Borrowed samples that are to be written to an integer or float file.
 #[derive(Clone, Copy, Debug)]
 pub enum Pixels<'a> {
     /// 8-bit integers.
@@ -64,12 +64,12 @@ pub struct Shape {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Samples in a pixel.
+    /// Number of samples per pixel.
     pub channels: usize,
 }
 
 impl Shape {
-    /// Width and height in the 32 bits that PNG and TIFF store them in.
+    /// Width and height as the 32-bit numbers that PNG and TIFF store.
     pub(super) fn size_u32(self) -> std::result::Result<(u32, u32), Problem> {
         let narrow = |n: usize| {
             u32::try_from(n).map_err(|_| Problem::Argument(format!("{n} pixels on a side are too many")))

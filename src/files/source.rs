@@ -1,4 +1,4 @@
-//! Open files, what their headers may claim, and errors with their paths.
+//! Open files, limits for their headers' claims, and errors with their paths.
 
 use super::error::{FileError, Problem, Result};
 use std::fs::File;
@@ -32,10 +32,10 @@ pub fn check_regular(path: &Path) -> std::result::Result<(), Problem> {
     })
 }
 
-/// What any file may claim, however short it is: a flat picture compresses almost without limit.
+/// The number of bytes that any file may claim, however short it is: a flat picture compresses almost without limit.
 const ALWAYS_ALLOWED: u64 = 256 << 20;
 
-/// The most that deflate, the tightest of the lossless codecs here, makes of one byte, and half as much again.
+/// The largest expansion of one byte by deflate, the tightest of the lossless codecs here, plus half as much again.
 const EXPANSION: u64 = 1536;
 
 /// Refuses a header that claims more bytes of pixels than a file of this length can hold.
@@ -47,7 +47,7 @@ pub(super) fn check_claim(claimed: u128, length: u64) -> std::result::Result<(),
     Ok(())
 }
 
-/// Runs `work`, adds the path to its error and turns a panic inside a decoder into an error.
+/// Runs `work`, adds the path to its error, and turns a panic inside a decoder into an error.
 pub(super) fn with_path<T>(path: &Path, work: impl FnOnce() -> std::result::Result<T, Problem>) -> Result<T> {
     catch_unwind(AssertUnwindSafe(work))
         .unwrap_or_else(|panic| Err(Problem::from_panic(panic.as_ref())))

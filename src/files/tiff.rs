@@ -39,12 +39,12 @@ pub(super) fn read(source: Source) -> std::result::Result<Raster, Problem> {
     };
     let bits = color.bit_depth();
     if !bits.is_multiple_of(8) {
-        // The decoder leaves such samples packed.
+        // The decoder does not unpack such samples.
         return Err(refuse(format!("samples of {bits} bits")));
     }
     let claimed = decoder.image_buffer_layout()?.complete_len;
     check_claim(claimed as u128, length)?;
-    // The claim is plausible by now; the decoder's own bound must not be the tighter one.
+    // The claim has been checked by now; the decoder's own limit must not be the tighter one.
     let mut limits = Limits::default();
     limits.decoding_buffer_size = claimed;
     limits.intermediate_buffer_size = claimed.max(limits.intermediate_buffer_size);
@@ -80,7 +80,7 @@ fn extra_samples<R: std::io::Read + Seek>(
     Ok(kinds.and_then(|kinds| kinds.first().copied()))
 }
 
-/// Brings planes that follow each other into one plane of pixels.
+/// Interleaves planes that follow one another.
 fn interleave<T: Copy>(samples: Vec<T>, planes: usize) -> Vec<T> {
     if planes < 2 {
         return samples;
@@ -89,7 +89,7 @@ fn interleave<T: Copy>(samples: Vec<T>, planes: usize) -> Vec<T> {
     (0..area).flat_map(|i| (0..planes).map(move |plane| plane * area + i)).map(|i| samples[i]).collect()
 }
 
-/// Writes 1 to 4 channels, deflated.
+/// Writes 1 to 4 channels, compressed with deflate.
 pub fn write(path: &Path, pixels: Pixels<'_>, shape: Shape, alpha: Alpha) -> Result<()> {
     atomic::replace(path, |writer| match (pixels, shape.channels) {
         (Pixels::U8(v), 1 | 2) => encode::<_, Gray8>(writer, v, shape, alpha),

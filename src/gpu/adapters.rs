@@ -1,14 +1,14 @@
-//! The adapters of this machine.
+//! The GPU adapters of this machine.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Of what make an adapter is.
+/// The type of an adapter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
-    /// A program that does a GPU's work on the CPU.
+    /// A program that emulates a GPU on the CPU.
     Software,
-    /// Its driver does not say.
+    /// Unknown: its driver does not say.
     Other,
     /// A share of a GPU in a virtual machine.
     Virtual,
@@ -19,7 +19,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// The word for it.
+    /// The name of the type.
     pub fn name(self) -> &'static str {
         match self {
             Kind::Software => "software",
@@ -31,19 +31,19 @@ impl Kind {
     }
 }
 
-/// An adapter and what is known of it.
+/// An adapter and its properties.
 pub struct Adapter {
-    /// What it is called.
+    /// Its name.
     pub name: String,
-    /// Of what make it is.
+    /// Its type.
     pub kind: Kind,
-    /// The interface that it is reached by, such as `vulkan`.
+    /// The interface through which it is reached, such as `vulkan`.
     pub backend: String,
-    /// Its driver and that one's version.
+    /// The name and version of its driver.
     pub driver: String,
-    /// The largest buffer it can hold.
+    /// The size of the largest buffer that it can allocate.
     pub max_buffer_bytes: u64,
-    /// How much of a buffer one pass can see.
+    /// The size of the largest part of a buffer that one pass can bind.
     pub max_binding_bytes: u64,
     pub(super) handle: wgpu::Adapter,
 }
@@ -70,34 +70,35 @@ impl Adapter {
     }
 }
 
-/// All adapters, in the order in which their drivers list them; looked for once a process.
+/// All adapters, in the order in which their drivers list them. They are searched once per process.
 pub fn all() -> Arc<Vec<Adapter>> {
-    // What another process found is kept, because a forked child must not free it.
+    // The adapters that another process found are kept, because a forked child must not free them.
     static FOUND: Mutex<Option<HashMap<u32, Arc<Vec<Adapter>>>>> = Mutex::new(None);
     let found = || FOUND.lock().unwrap_or_else(PoisonError::into_inner);
     let process = std::process::id();
     if let Some(adapters) = found().as_ref().and_then(|found| found.get(&process)) {
         return Arc::clone(adapters);
     }
-    let adapters = Arc::new(look());
+    let adapters = Arc::new(find());
     let mut found = found();
     Arc::clone(found.get_or_insert_with(HashMap::new).entry(process).or_insert(adapters))
 }
 
-fn look() -> Vec<Adapter> {
+fn find() -> Vec<Adapter> {
     let backends = wgpu::Backends::PRIMARY;
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
     descriptor.backends = backends;
-    // Memory that is promised but not there fails late and badly: leave a share of it to others.
+    // Memory that was promised but is not available makes later calls fail in ways that are hard to handle, so a
+    // share of it is left to others.
     descriptor.memory_budget_thresholds.for_resource_creation = Some(95);
     let instance = wgpu::Instance::new(descriptor);
     pollster::block_on(instance.enumerate_adapters(backends)).into_iter().map(Adapter::new).collect()
 }
 
-/// Whether there may be a GPU. To know for sure, all drivers have to be loaded, which takes long where the only one is
-/// a software rasteriser.
+/// Whether there may be a GPU. To be certain, all drivers have to be loaded, which takes long if the only one is a
+/// software rasteriser.
 pub fn may_have_gpu() -> bool {
-    // Linux has a file for every GPU, and for what a virtual machine is lent.
+    // Linux has a device file for every GPU, and for the devices that a virtual machine is lent.
     if !cfg!(target_os = "linux") {
         return true;
     }
@@ -110,7 +111,7 @@ pub fn may_have_gpu() -> bool {
         || std::fs::read_dir("/dev/dri").is_ok_and(|entries| entries.into_iter().any(renders))
 }
 
-/// The best GPU: no software, discrete before integrated, and the first of its kind.
+/// The best GPU: never software, discrete before integrated, and the first of its type.
 pub fn best(adapters: &[Adapter]) -> Option<usize> {
     let real = (0..adapters.len()).rev().filter(|&i| adapters[i].kind != Kind::Software);
     real.max_by_key(|&i| adapters[i].kind)

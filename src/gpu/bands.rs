@@ -1,46 +1,48 @@
-//! Frames in bands of rows, where a device cannot have them in one piece.
+//! Frames in bands of rows, for devices that cannot hold them in one piece.
 //!
-//! A band is a frame of its own: some rows of the picture, and as many around them as the method looks at, so that what
-//! is taken for the border there reaches no row of the band. Bands begin where tiles, blocks and the pixels of smaller
-//! targets do, and give the same bits as the whole frame.
+//! A band is a frame of its own: some rows of the picture, and as many rows around them as the method reads. The
+//! artificial border of the band then affects none of its rows. Bands begin where tiles, blocks and the pixels of
+//! smaller targets begin, and give the same bits as the whole frame.
 
 use crate::picture::Size;
 use std::ops::Range;
 
-/// Rows that what is read for a band begins and ends at multiples of, unless a method has larger pixels.
+/// The rows that are read for a band begin and end at multiples of this number, unless a method has larger pixels.
 const ALIGNMENT: usize = 64;
 
-/// What a method needs.
+/// What a method requires of a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Requirements {
-    /// Bytes of its largest buffer, for every pixel.
+    /// Bytes per pixel of its largest buffer.
     pub bytes_per_px: usize,
     /// Pixels that this buffer has on every side of the frame.
     pub around_px: usize,
-    /// How far from a pixel it looks.
+    /// The distance in pixels up to which the method reads around a pixel.
     pub reach_px: usize,
-    /// Pixels along each side of the largest pixels that it works on.
+    /// Side, in pixels of the picture, of the largest pixels on which the method works.
     pub block_px: usize,
 }
 
 impl Requirements {
-    /// Of a method that looks so far and whose other buffers are no larger than the picture.
+    /// The requirements of a method that reads up to this distance and whose other buffers are no larger than the
+    /// picture.
     pub fn reaching(reach_px: usize) -> Requirements {
         Requirements { bytes_per_px: 0, around_px: 0, reach_px, block_px: 1 }
     }
 }
 
-/// Some rows of the frame.
+/// A band: some rows of the frame.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Band {
-    /// Those that come out.
+    /// The rows of the result.
     pub rows: Range<usize>,
-    /// Those that are read for it.
+    /// The rows that are read for them.
     pub read: Range<usize>,
 }
 
-/// The bands of a frame for buffers of at most so many bytes, each of `step` rows or a multiple of that. `source` says
-/// which rows of what the method renders come out at some rows. An error is the bytes that a band needs at least.
+/// The bands of a frame for buffers of at most so many bytes; a band has a multiple of `step` rows. `source` maps
+/// rows of the output to the rows that the method renders for them. The error is the number of bytes that a band
+/// needs at least.
 pub fn split(
     most_bytes: usize,
     size: Size,

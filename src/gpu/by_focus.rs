@@ -1,4 +1,4 @@
-//! Colours that are focused apart, each rendered for itself.
+//! Colours with different focus, each rendered separately.
 
 use super::commands::Bound::{Read, Write};
 use super::commands::{Commands, groups, pixels};
@@ -17,7 +17,7 @@ shared! {
     }
 }
 
-/// A picture whose colours are those of `render(commands, color, channels)`; coverage is green's.
+/// A picture whose colours come from `render(commands, color, channels)`; coverage is green's.
 pub fn render(
     commands: &mut Commands,
     size: Size,

@@ -1,4 +1,4 @@
-//! Passes over buffers, run one after another, and what comes back.
+//! Compute passes over buffers, run in sequence, and the transfer of the result.
 
 use super::device::{Gpu, lock};
 use super::shader::Shader;
@@ -12,60 +12,60 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 use wgpu::BufferUsages;
 
-/// How often a wait looks whether it has been cancelled.
+/// The interval at which a wait checks for cancellation.
 const CANCEL_INTERVAL: Duration = Duration::from_millis(20);
-/// The most passes that are timed; any further ones are run all the same.
+/// The largest number of passes that are timed; further passes run without timing.
 const MAX_TIMED: u32 = 64;
-/// Values that one worker copies at a time.
+/// Number of values that one worker copies at a time.
 const COPIED: usize = 1 << 18;
-/// Buffers that are kept for pictures to come back in: while one is read, the next is filled.
+/// Number of transfer buffers that are kept for pictures: while one is read, the next is filled.
 const MAX_SPARE_BACK: usize = 2;
-/// Pixels along each axis of the workgroups of passes over frames.
+/// Side of the workgroups of passes over frames, in pixels.
 pub const GROUP: usize = 16;
 
 /// How long one pass took on a GPU.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PassTime {
-    /// The shader.
+    /// The name of its shader.
     pub name: &'static str,
-    /// Its time on the device.
+    /// Its time on the device, in seconds.
     pub seconds: f64,
 }
 
-/// A buffer as a pass uses it.
+/// A buffer, and how a pass uses it.
 #[derive(Clone, Copy)]
 pub enum Bound<'a> {
-    /// It is only read.
+    /// It is read only.
     Read(&'a wgpu::Buffer),
     /// It is written to.
     Write(&'a wgpu::Buffer),
 }
 
-/// Takes a buffer of this size and use out of some.
+/// Takes a buffer of this size and usage from a list.
 fn take(spare: &mut Vec<wgpu::Buffer>, bytes: usize, usage: BufferUsages) -> Option<wgpu::Buffer> {
     let fits = |buffer: &wgpu::Buffer| buffer.size() == bytes as u64 && buffer.usage() == usage;
     let fits = spare.iter().position(fits)?;
     Some(spare.swap_remove(fits))
 }
 
-/// The size of a frame as shaders have it.
+/// The size of a frame in the form that shaders use.
 pub fn pixels(size: Size) -> [u32; 2] {
     [size.width as u32, size.height as u32]
 }
 
-/// Workgroups that cover a frame.
+/// The number of workgroups that cover a frame.
 pub fn groups(width: usize, height: usize) -> [u32; 3] {
     [width.div_ceil(GROUP) as u32, height.div_ceil(GROUP) as u32, 1]
 }
 
-/// Passes that are being put together.
+/// A sequence of passes that is being recorded.
 pub struct Commands<'a> {
     pub gpu: &'a Arc<Gpu>,
     pub(super) encoder: wgpu::CommandEncoder,
-    /// Begin and end of every pass, if the device keeps time.
+    /// The times of the beginning and the end of every pass, if the device can measure them.
     stamps: Option<wgpu::QuerySet>,
     pub(super) passes: Vec<&'static str>,
-    /// Buffers that the next job may use.
+    /// Buffers that the next job may reuse.
     taken: Vec<wgpu::Buffer>,
 }
 
@@ -83,14 +83,14 @@ impl<'a> Commands<'a> {
         Commands { gpu, encoder, stamps, passes: Vec::new(), taken: Vec::new() }
     }
 
-    /// A buffer of `len` values that passes write and read. It may hold those of an earlier job, which the device has
-    /// done before it begins this one.
+    /// A buffer of `len` values that passes write and read. It may hold values of an earlier job; the device has
+    /// finished that job before it begins this one.
     pub fn scratch<T: Pod>(&mut self, what: &'static str, len: usize) -> Result<wgpu::Buffer> {
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
         self.reused(what, len * size_of::<T>(), usage)
     }
 
-    /// The same for words that indirect draws are read from.
+    /// The same for words from which indirect draws are read.
     pub fn indirect(&mut self, what: &'static str, words: usize) -> Result<wgpu::Buffer> {
         self.reused(what, words * size_of::<u32>(), BufferUsages::STORAGE | BufferUsages::INDIRECT)
     }
@@ -135,7 +135,7 @@ impl<'a> Commands<'a> {
         Ok(())
     }
 
-    /// What a pass is given.
+    /// The bindings of a pass.
     pub(super) fn bindings<P: Pod>(
         &self,
         name: &'static str,
@@ -175,18 +175,18 @@ impl<'a> Commands<'a> {
         Ok((layout, bind_group))
     }
 
-    /// Where the next pass puts the times of its beginning and its end, if it is timed.
+    /// The query set and the first query index for the times of the next pass, if it is timed.
     pub(super) fn stamps(&self) -> Option<(wgpu::QuerySet, u32)> {
         let first = 2 * self.passes.len() as u32;
         self.stamps.clone().filter(|_| first < 2 * MAX_TIMED).map(|stamps| (stamps, first))
     }
 
-    /// Copies a buffer whole.
+    /// Copies a whole buffer.
     pub fn copy(&mut self, from: &wgpu::Buffer, to: &wgpu::Buffer) {
         self.encoder.copy_buffer_to_buffer(from, 0, to, 0, from.size());
     }
 
-    /// Copies so many bytes, from one place to another.
+    /// Copies a number of bytes between buffers.
     pub fn copy_part(
         &mut self,
         from: &wgpu::Buffer,
@@ -199,17 +199,18 @@ impl<'a> Commands<'a> {
         self.encoder.copy_buffer_to_buffer(from, from_byte, to, to_byte, bytes);
     }
 
-    /// How many buffers have been handed out.
+    /// The number of buffers that have been handed out.
     pub fn mark(&self) -> usize {
         self.taken.len()
     }
 
-    /// Lets further passes use the buffers that were handed out since a mark: passes run one after another.
+    /// Lets later passes reuse the buffers that were handed out since a mark. This is safe because passes run in
+    /// sequence.
     pub fn recycle(&mut self, mark: usize) {
         lock(&self.gpu.spare).extend(self.taken.drain(mark..));
     }
 
-    /// Runs the passes, after which `output` comes back.
+    /// Submits the passes. Afterwards `output` is transferred back.
     pub fn submit(mut self, output: &wgpu::Buffer) -> Result<Pending> {
         let gpu = self.gpu;
         let bytes = output.size();
@@ -243,28 +244,29 @@ impl<'a> Commands<'a> {
     }
 }
 
-/// How long after its work has ended a device may take to say that a buffer is readable.
-const TOLD_WITHIN: Duration = Duration::from_secs(10);
+/// The time after the end of its work within which a device must report that a buffer is readable.
+const MAP_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// A buffer that will be readable.
+/// A buffer that will become readable.
 struct Mapped {
     buffer: wgpu::Buffer,
-    told: Receiver<std::result::Result<(), wgpu::BufferAsyncError>>,
+    mapped: Receiver<std::result::Result<(), wgpu::BufferAsyncError>>,
 }
 
 impl Mapped {
     fn new(buffer: wgpu::Buffer) -> Mapped {
-        let (tell, told) = channel();
-        // Nobody listens any more to a render that was interrupted.
-        buffer.map_async(wgpu::MapMode::Read, .., move |result| drop(tell.send(result)));
-        Mapped { buffer, told }
+        let (sender, mapped) = channel();
+        // If the render was interrupted, nobody receives this message any more.
+        buffer.map_async(wgpu::MapMode::Read, .., move |result| drop(sender.send(result)));
+        Mapped { buffer, mapped }
     }
 
-    /// Reads what has arrived, once the work has ended.
+    /// Reads the transferred buffer, once the work has ended.
     ///
-    /// Whichever thread polls tells all that there is to tell, so that it may be another that is about to tell this one.
+    /// A thread that polls runs the callbacks of all buffers, so this waits: another thread may be about to run its
+    /// callback.
     fn read<T>(&self, gpu: &Gpu, read: impl FnOnce(&[u8]) -> T) -> Result<T> {
-        match self.told.recv_timeout(TOLD_WITHIN) {
+        match self.mapped.recv_timeout(MAP_TIMEOUT) {
             Ok(Ok(())) => {
                 let view = self.buffer.get_mapped_range(..).map_err(|error| gpu.error(error))?;
                 Ok(read(&view))
@@ -281,7 +283,7 @@ impl Mapped {
     }
 }
 
-/// Passes that are running.
+/// Submitted passes that are running.
 pub struct Pending {
     gpu: Arc<Gpu>,
     submission: wgpu::SubmissionIndex,
@@ -291,7 +293,7 @@ pub struct Pending {
 }
 
 impl Pending {
-    /// Waits for the passes to end. What comes back goes to `out`, which is of its size.
+    /// Waits for the passes to end. The result is written to `out`, which has its size.
     pub fn wait(self, cancel: &Cancel, out: &mut [f32]) -> Result<Vec<PassTime>> {
         let gpu = &self.gpu;
         loop {

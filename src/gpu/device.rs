@@ -1,4 +1,4 @@
-//! An open adapter: buffers, pipelines and errors.
+//! An open adapter: its buffers, pipelines and errors.
 
 use super::adapters::{self, Adapter};
 use super::shader::Shader;
@@ -8,12 +8,12 @@ use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// What is open, by process and adapter.
+/// The open devices by process and adapter.
 type Open = HashMap<(u32, usize), Arc<Gpu>>;
-/// A pipeline by the shader's name and the number of channels.
+/// Pipelines by the name of the shader and the number of channels.
 type Pipelines<P> = HashMap<(&'static str, usize), Arc<P>>;
 
-/// An adapter that has been opened. There is one for each adapter and process, until it fails.
+/// An adapter that has been opened. Each process has one for each adapter, until it fails.
 pub struct Gpu {
     adapter: usize,
     name: String,
@@ -22,29 +22,28 @@ pub struct Gpu {
     pub(super) limits: wgpu::Limits,
     pipelines: Mutex<Pipelines<wgpu::ComputePipeline>>,
     pub(super) draws: Mutex<Pipelines<wgpu::RenderPipeline>>,
-    /// Buffers of the last job that the next one may use.
+    /// Buffers of the last job that the next job may reuse.
     pub(super) spare: Mutex<Vec<wgpu::Buffer>>,
-    /// The same of those that come back.
+    /// The same for the buffers in which pictures are transferred back.
     pub(super) spare_back: Mutex<Vec<wgpu::Buffer>>,
-    /// What went wrong outside of any call.
+    /// The error that occurred outside of any call, if there was one.
     fault: Arc<Mutex<Option<String>>>,
 }
 
-/// The adapters that are open. Those of a parent process stay, because a forked child must not
-/// free them.
+/// The adapters that are open. Those of a parent process stay in the map, because a forked child must not free them.
 static OPEN: Mutex<Option<Open>> = Mutex::new(None);
 
-/// What devices may have at most.
+/// Limits that are imposed on devices.
 #[derive(Debug, Clone, Copy)]
 pub struct Restrictions {
-    /// The largest buffer that a pass can have.
+    /// The size of the largest buffer that a pass can bind.
     pub most_bytes: u64,
-    /// What they can do beyond what all can.
+    /// The optional features that they may use.
     pub features: wgpu::Features,
 }
 
 impl Restrictions {
-    /// Nothing is restricted.
+    /// No restriction.
     pub const NONE: Restrictions = Restrictions {
         most_bytes: u64::MAX,
         features: wgpu::Features::TIMESTAMP_QUERY.union(wgpu::Features::FLOAT32_BLENDABLE),
@@ -53,7 +52,7 @@ impl Restrictions {
 
 static RESTRICTIONS: Mutex<Restrictions> = Mutex::new(Restrictions::NONE);
 
-/// Opens devices of this process anew, with these restrictions: for tests of what smaller ones do.
+/// Reopens the devices of this process with these restrictions, for tests of smaller devices.
 pub fn restrict(restrictions: Restrictions) {
     *lock(&RESTRICTIONS) = restrictions;
     let process = std::process::id();
@@ -62,16 +61,16 @@ pub fn restrict(restrictions: Restrictions) {
     }
 }
 
-/// Bytes that were taken to devices so far.
+/// Number of bytes that were uploaded to devices so far.
 static UPLOADED: AtomicU64 = AtomicU64::new(0);
 
-/// Bytes that this process has taken to devices.
+/// Number of bytes that this process has uploaded to devices.
 pub fn uploaded_bytes() -> u64 {
     UPLOADED.load(Ordering::Relaxed)
 }
 
 pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // What a poisoned lock holds is whole or absent.
+    // The content of a poisoned lock is either whole or absent.
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -80,7 +79,7 @@ fn mebibytes(bytes: u64) -> u64 {
 }
 
 impl Gpu {
-    /// The adapter that is the `adapter`th of [`adapters::all`]; opened anew if it is not open or has failed.
+    /// The adapter with index `adapter` in [`adapters::all`]. It is opened if it is not open yet or has failed.
     pub fn open(adapter: usize) -> Result<Arc<Gpu>> {
         let key = (std::process::id(), adapter);
         let at_hand = lock(&OPEN).as_ref().and_then(|open| open.get(&key)).map(Arc::clone);
@@ -113,7 +112,7 @@ impl Gpu {
         let (device, queue) =
             pollster::block_on(adapter.handle.request_device(&descriptor)).map_err(refused)?;
         let fault = Arc::new(Mutex::new(None));
-        // Without a handler, an error that no scope catches is a panic.
+        // Without a handler, an error that no scope catches would be a panic.
         let uncaught = Arc::clone(&fault);
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
             lock(&uncaught).get_or_insert(error.to_string());
@@ -137,7 +136,7 @@ impl Gpu {
         })
     }
 
-    /// Makes the next call open the adapter anew.
+    /// Makes the next call reopen the adapter.
     pub fn retire(&self) {
         let mut open = lock(&OPEN);
         let key = (std::process::id(), self.adapter);
@@ -147,22 +146,22 @@ impl Gpu {
         }
     }
 
-    /// An error in this device's name.
+    /// An error that names this device.
     pub(super) fn error(&self, what: impl std::fmt::Display) -> Error {
         Error::Device(format!("{}: {what}", self.name))
     }
 
-    /// An error if something went wrong outside of any call.
+    /// Returns an error if something went wrong outside of any call.
     pub(super) fn check(&self) -> Result<()> {
         lock(&self.fault).as_ref().map_or(Ok(()), |fault| Err(self.error(fault)))
     }
 
-    /// Does what may fail on the device, such as for want of memory, and returns the failure.
+    /// Runs work that may fail on the device, for example for lack of memory, and returns the error.
     pub(super) fn guarded<T>(&self, work: impl FnOnce() -> Result<T>) -> Result<T> {
         use wgpu::ErrorFilter::{Internal, OutOfMemory, Validation};
         let scopes = [Internal, Validation, OutOfMemory].map(|filter| self.device.push_error_scope(filter));
         let result = work();
-        // The last one that was pushed is popped first.
+        // Scopes are popped in reverse order.
         let errors = scopes.into_iter().rev().map(|scope| pollster::block_on(scope.pop()));
         let errors: Vec<wgpu::Error> = errors.collect::<Vec<_>>().into_iter().flatten().collect();
         let value = result?;
@@ -176,12 +175,12 @@ impl Gpu {
         }
     }
 
-    /// The largest buffer that a pass can have.
+    /// The size of the largest buffer that a pass can bind.
     pub(super) fn most_bytes(&self) -> u64 {
         self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size)
     }
 
-    /// The refusal of a buffer that is larger.
+    /// The error for a buffer that is larger than that.
     pub(super) fn too_large(&self, what: &str, bytes: u64) -> Error {
         self.error(format!(
             "{what} would need {} MiB in one piece, and the device allows {} MiB; use a smaller picture, or \
@@ -191,7 +190,7 @@ impl Gpu {
         ))
     }
 
-    /// A buffer of `bytes` bytes for what is called `what`.
+    /// A buffer of `bytes` bytes; `what` describes it in errors.
     pub(super) fn buffer(
         &self,
         what: &'static str,
@@ -207,7 +206,7 @@ impl Gpu {
         self.filled(what, bytemuck::cast_slice(values), usage)
     }
 
-    /// A buffer of these bytes.
+    /// A buffer with these bytes.
     pub(super) fn filled(
         &self,
         what: &'static str,
@@ -230,7 +229,7 @@ impl Gpu {
         usage: wgpu::BufferUsages,
         mapped_at_creation: bool,
     ) -> Result<wgpu::Buffer> {
-        // Bindings are never empty, and mapped buffers end with a whole word.
+        // Bindings must not be empty, and mapped buffers end with a whole word.
         let size = (bytes as u64).max(4).next_multiple_of(4);
         let is_bound = usage.contains(wgpu::BufferUsages::STORAGE);
         if size > if is_bound { self.most_bytes() } else { self.limits.max_buffer_size } {
@@ -272,13 +271,14 @@ impl Gpu {
     pub(super) fn module(&self, shader: &Shader) -> wgpu::ShaderModule {
         let source = wgpu::ShaderSource::Wgsl(shader.source.into());
         let descriptor = wgpu::ShaderModuleDescriptor { label: Some(shader.name), source };
-        // Counters that end endless loops would keep drivers from unrolling loops.
+        // With the counters that end endless loops, drivers would not unroll loops.
         let checks = wgpu::ShaderRuntimeChecks { force_loop_bounding: false, ..Default::default() };
-        // SAFETY: the project's own shaders have no endless loop: each counts up to a bound, and every other check stays.
+        // SAFETY: the project's own shaders have no endless loop: each counts up to a bound. Every other check stays
+        // on.
         unsafe { self.device.create_shader_module_trusted(descriptor, checks) }
     }
 
-    /// The layout of a pipeline with one group of bindings.
+    /// The layout of a pipeline with one bind group.
     pub(super) fn layout(&self, name: &'static str, group: &wgpu::BindGroupLayout) -> wgpu::PipelineLayout {
         self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some(name),

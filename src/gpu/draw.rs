@@ -1,4 +1,4 @@
-//! Quads that are blended into targets.
+//! Quads that are blended into render targets.
 
 use super::commands::{Bound, Commands};
 use super::device::{Gpu, lock};
@@ -8,24 +8,24 @@ use bytemuck::Pod;
 use std::sync::Arc;
 use wgpu::TextureFormat::{R32Float, Rgba32Float};
 
-/// Values that the rows of a target begin at multiples of, when it is copied.
+/// The rows of a target must begin at multiples of this number of values when it is copied.
 const ROW_VALUES: usize = (wgpu::COPY_BYTES_PER_ROW_ALIGNMENT as usize) / size_of::<f32>();
 
-/// Instanced quads: where their corners are, and what they add to each pixel.
+/// Instanced quads: a vertex shader for their corners, and a fragment shader for their contribution to each pixel.
 pub struct Draw {
     pub name: &'static str,
     pub vertex: &'static Shader,
     pub fragment: &'static Shader,
 }
 
-/// What quads are added up in: colour, and coverage.
+/// The targets into which quads are added: colour, and coverage.
 pub struct Targets {
     color: wgpu::Texture,
     coverage: wgpu::Texture,
 }
 
 impl Targets {
-    /// Targets of this size, if the device can blend what they hold and they are not too large for it.
+    /// Targets of this size, if the device can blend their formats and they are not too large for it.
     pub fn new(gpu: &Gpu, width: usize, height: usize) -> Option<Targets> {
         let blends = gpu.device.features().contains(wgpu::Features::FLOAT32_BLENDABLE);
         if !blends || width.max(height) > gpu.limits.max_texture_dimension_2d as usize {
@@ -46,12 +46,12 @@ impl Targets {
         Some(Targets { color: texture(Rgba32Float), coverage: texture(R32Float) })
     }
 
-    /// Values from one row to the next in buffers that targets of this width are copied to.
+    /// Number of values from one row to the next in buffers to which targets of this width are copied.
     pub fn pitch(width: usize) -> usize {
         width.next_multiple_of(ROW_VALUES)
     }
 
-    /// Copies them to buffers.
+    /// Copies the targets to buffers.
     pub fn copy(&self, commands: &mut Commands, color: &wgpu::Buffer, coverage: &wgpu::Buffer) {
         for (texture, buffer, value) in
             [(&self.color, color, size_of::<[f32; 4]>()), (&self.coverage, coverage, size_of::<f32>())]
@@ -66,8 +66,8 @@ impl Targets {
 }
 
 impl Commands<'_> {
-    /// Clears the targets and adds to them as many quads as the indirect `draw` says: a buffer, and the place in it.
-    /// Bindings are as in [`Commands::pass`], the same for both shaders.
+    /// Clears the targets and adds as many quads as the indirect `draw` (a buffer and an offset) says. Bindings are
+    /// as in [`Commands::pass`], the same for both shaders.
     pub fn draw<P: Pod>(
         &mut self,
         quads: &Draw,
@@ -109,7 +109,7 @@ impl Commands<'_> {
     }
 }
 
-/// The pipeline of some quads, compiled on its first use.
+/// The pipeline of a draw, compiled on its first use.
 fn pipeline(
     gpu: &Gpu,
     quads: &Draw,

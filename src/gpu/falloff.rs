@@ -1,4 +1,4 @@
-//! The picture darkened away from the axis; as `cpu::falloff`.
+//! Falloff: the picture darkened away from the axis; the twin of `cpu::falloff`.
 
 use super::commands::Bound::{Read, Write};
 use super::commands::{Commands, groups, pixels};
@@ -22,7 +22,7 @@ shared! {
     }
 }
 
-/// Darkens the `lights` first channels of a picture.
+/// Darkens the first `lights` channels of a picture.
 pub fn darken(
     commands: &mut Commands,
     picture: &wgpu::Buffer,

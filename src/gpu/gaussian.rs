@@ -16,7 +16,7 @@ pub const COMPOSITE: Shader =
     shader!("gaussian/composite", ["mirror", "picture", "defocus"], [FrameParams, Defocus]);
 
 shared! {
-    /// Of passes that read the picture.
+    /// Parameters of the passes that read the picture.
     struct FrameParams {
         size: [u32; 2],
         half: [u32; 2],
@@ -25,7 +25,7 @@ shared! {
 }
 
 shared! {
-    /// Of the blur along x.
+    /// Parameters of the blur along x.
     struct AcrossParams {
         half: [u32; 2],
         count: u32,
@@ -34,7 +34,7 @@ shared! {
 }
 
 shared! {
-    /// Of the blur along y.
+    /// Parameters of the blur along y.
     struct DownParams {
         half: [u32; 2],
         reach: u32,
@@ -49,12 +49,12 @@ shared! {
     }
 }
 
-/// What it needs of a device: interpolation and halving look a texel farther than the blur.
+/// What the method requires of a device: interpolation and halving read one texel farther than the blur.
 pub fn requirements() -> Requirements {
     Requirements { block_px: 2, ..Requirements::reaching(2 * (REACH + 3)) }
 }
 
-/// The picture.
+/// Renders the picture.
 pub fn render(
     commands: &mut Commands,
     scene: &GpuPicture,
@@ -74,7 +74,7 @@ pub fn render(
     };
     let taps = gpu.upload("the table of taps", &plan.taps.each_ref().map(tap))?;
     let weights = gpu.upload("the table of weights", &plan.weights)?;
-    // The blur along y writes where the copy was.
+    // The blur along y writes into the buffer of the half-size copy, which is no longer needed.
     let texels = half.0 * half.1;
     let color = commands.scratch::<[f32; 4]>("a half-size copy", texels)?;
     let blurriness = commands.scratch::<f32>("its blurriness", texels)?;

@@ -20,9 +20,9 @@ pub const SHADE: Shader = shader!(
     [Params, Tap, Texel, Defocus]
 );
 
-/// The most lines that a pass has.
+/// The largest number of lines of a pass.
 const MAX_LINES: usize = 4;
-/// The most targets.
+/// The largest number of targets.
 const MAX_TARGETS: usize = 2;
 
 shared! {
@@ -63,7 +63,7 @@ shared! {
     }
 }
 
-/// The lines of one pass, one after another.
+/// The lines of one pass in one buffer.
 struct Lines {
     taps: Vec<Tap>,
     lines: [[u32; 4]; MAX_LINES],
@@ -85,7 +85,7 @@ impl Lines {
     }
 }
 
-/// What it needs of a device.
+/// What the method requires of a device.
 pub fn requirements(settings: &Settings, largest_px: f64) -> Requirements {
     let (second, both) = Plan::new(settings, largest_px.min(settings.max_coc_px)).margins();
     let around_px = second.left.max(second.right).max(second.above).max(second.below);
@@ -93,7 +93,7 @@ pub fn requirements(settings: &Settings, largest_px: f64) -> Requirements {
     Requirements { bytes_per_px, around_px, ..Requirements::reaching(both.above.max(both.below)) }
 }
 
-/// The picture.
+/// Renders the picture.
 pub fn render(
     commands: &mut Commands,
     scene: &GpuPicture,
@@ -119,7 +119,7 @@ pub fn render(
         shift: optics.defocus(Measure::Shift, 1.0).into(),
     };
     let (gathered, spread) = (Lines::new(&plan, |t| &t.gathered), Lines::new(&plan, |t| &t.spread));
-    // A second target that there is none of is never looked at.
+    // If there is no second target, its buffers are bound but never read.
     let mut targets = Vec::new();
     for target in 0..MAX_TARGETS {
         let len = if target < plan.targets.len() { width * height } else { 1 };

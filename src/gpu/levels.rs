@@ -15,7 +15,7 @@ pub const INTERPOLATE: Shader =
     shader!("levels/interpolate", ["mirror", "picture", "defocus"], [InterpolateParams, Defocus]);
 
 shared! {
-    /// Of the reduction.
+    /// Parameters of the reduction.
     struct ReduceParams {
         size: [u32; 2],
         small: [u32; 2],
@@ -24,7 +24,7 @@ shared! {
 }
 
 shared! {
-    /// Of a filter step.
+    /// Parameters of a filter step.
     struct FilterParams {
         size: [u32; 2],
         middle: f32,
@@ -34,7 +34,7 @@ shared! {
 }
 
 shared! {
-    /// Of the interpolation.
+    /// Parameters of the interpolation.
     struct InterpolateParams {
         size: [u32; 2],
         small: [u32; 2],
@@ -44,14 +44,14 @@ shared! {
     }
 }
 
-/// What it needs of a device: steps look two pixels of their target far, and the interpolation one.
+/// What the method requires of a device: filter steps read two pixels of their target, and the interpolation one.
 pub fn requirements(settings: &Settings, largest_px: f64) -> Requirements {
     let scale = Plan::new(settings, largest_px).scale;
     let bytes_per_px = size_of::<[f32; 4]>().div_ceil(scale * scale);
     Requirements { bytes_per_px, block_px: scale, ..Requirements::reaching((2 * STEPS + 2) * scale) }
 }
 
-/// The picture.
+/// Renders the picture.
 pub fn render(
     commands: &mut Commands,
     scene: &GpuPicture,
@@ -63,7 +63,7 @@ pub fn render(
     let (width, height) = (size.width.div_ceil(plan.scale), size.height.div_ceil(plan.scale));
     let (full, small) = (pixels(size), [width as u32, height as u32]);
     let mut target = || commands.scratch::<[f32; 4]>("a target of the chain", width * height);
-    // Two in turn, and the one that is kept.
+    // Two targets that are used alternately, and the one that is kept.
     let (mut before, mut after, half_way) = (target()?, target()?, target()?);
     let picture = commands.output(size)?;
 

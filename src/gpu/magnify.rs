@@ -31,14 +31,14 @@ impl Source {
     }
 }
 
-/// The sources of all channels.
+/// The source pixels of all channels.
 pub struct Sources {
     columns: Vec<Vec<plan::Source>>,
     rows: Vec<Vec<plan::Source>>,
 }
 
 impl Sources {
-    /// Those of a lens, if it changes the size of pictures.
+    /// The source pixels for a lens, if it changes the size of the picture.
     pub fn new(imaging: &Imaging, size: Size) -> Option<Sources> {
         let along = |n: usize, centre: f64| {
             (0..size.channels).map(|c| sources(n, centre, imaging.magnification_of(c))).collect()
@@ -47,7 +47,7 @@ impl Sources {
         imaging.is_magnified().then(|| Sources { columns: along(size.width, x), rows: along(size.height, y) })
     }
 
-    /// The rows that some rows are made from.
+    /// The rows of the source from which some rows are made.
     pub fn of_rows(&self, rows: Range<usize>) -> Range<usize> {
         let places = self.rows.iter().flat_map(|of_channel| &of_channel[rows.clone()]).flat_map(|s| s.places);
         let (first, last) = places.fold((usize::MAX, 0), |(lo, hi), place| (lo.min(place), hi.max(place)));
@@ -55,7 +55,7 @@ impl Sources {
     }
 }
 
-/// A band of the magnified picture, from what has been rendered for it.
+/// Magnifies a band of the picture from the rows that were rendered for it.
 pub fn render(
     commands: &mut Commands,
     rendered: &wgpu::Buffer,

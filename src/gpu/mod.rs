@@ -1,9 +1,9 @@
-//! The GPU path: what carries the plans out on an adapter, through `wgpu` and the shaders in `shaders/`.
+//! The GPU path, which carries the plans out on an adapter, through `wgpu` and the shaders in `shaders/`.
 //!
-//! A method is a file here that uploads its plan and runs a few passes, and a shader for each pass. [`adapters`] says
-//! what there is, [`device`] opens one of them, [`commands`] runs passes on it, and [`scene_cache`] keeps a scene there.
-//! [`render`] is the way of a picture: [`bands`] splits frames that are too large, [`by_focus`], [`magnify`],
-//! [`falloff`] and [`resolve`] are what lenses do to whole pictures.
+//! A method is a file here that uploads its plan and runs a few passes, and a shader for each pass. [`adapters`]
+//! lists the adapters, [`device`] opens one of them, [`commands`] runs passes on it, and [`scene_cache`] keeps a
+//! scene there. [`render`] is the sequence of steps for a picture: [`bands`] splits frames that are too large;
+//! [`by_focus`], [`magnify`], [`falloff`] and [`resolve`] are the effects of a lens on whole pictures.
 
 pub mod adapters;
 mod bands;

@@ -10,22 +10,22 @@ use std::sync::Arc;
 /// Some rows of a picture on a device.
 pub struct GpuPicture {
     gpu: Arc<Gpu>,
-    /// What they were taken from, and which they are.
+    /// The picture and the rows of it that are on the device.
     source: Arc<Picture>,
     rows: Range<usize>,
     pub size: Size,
-    /// How many layers there are.
+    /// Number of layers.
     pub layers: usize,
     /// Colour planes of all layers.
     pub color: wgpu::Buffer,
     /// Disparity of the front layer.
     pub disparity: wgpu::Buffer,
-    /// The least and the greatest of all rows of the picture.
+    /// The least and the greatest disparity of all rows of the picture.
     pub disparity_range: [f32; 2],
 }
 
 impl GpuPicture {
-    /// Takes rows to a device; their colour may be there already, for another focus surface.
+    /// Uploads rows to a device. Their colours may be there already, uploaded for another focus surface.
     pub fn new(
         gpu: &Arc<Gpu>,
         source: &Arc<Picture>,
@@ -57,12 +57,12 @@ impl GpuPicture {
         })
     }
 
-    /// Whether these are those rows of the picture.
+    /// Whether these are the given rows of the picture.
     pub fn is_of(&self, gpu: &Arc<Gpu>, picture: &Arc<Picture>, rows: &Range<usize>) -> bool {
         Arc::ptr_eq(&self.gpu, gpu) && Arc::ptr_eq(&self.source, picture) && self.rows == *rows
     }
 
-    /// Whether the colours of a picture's rows are these.
+    /// Whether these are the colours of the given rows of a picture.
     pub fn has_colors_of(&self, gpu: &Arc<Gpu>, picture: &Picture, rows: &Range<usize>) -> bool {
         let layers = self.source.layers.iter().zip(&picture.layers);
         Arc::ptr_eq(&self.gpu, gpu)
@@ -70,7 +70,7 @@ impl GpuPicture {
             && layers.into_iter().all(|(own, other)| Arc::ptr_eq(&own.color, &other.color))
     }
 
-    /// These channels alone, for one job.
+    /// Only these channels, for one job.
     pub fn of_channels(&self, commands: &mut Commands, channels: &[usize]) -> Result<GpuPicture> {
         let plane = self.size.pixels() * size_of::<f32>();
         let count = self.layers * channels.len();

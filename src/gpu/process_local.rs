@@ -2,8 +2,8 @@
 
 use std::mem::ManuallyDrop;
 
-/// A value of the process that made it. In a forked child its threads are gone and its driver's state is a stale copy,
-/// so that it is neither used there nor freed.
+/// A value of the process that made it. In a forked child, the threads behind the value are gone and the driver's
+/// state is a stale copy, so the value is neither used nor freed there.
 pub struct ProcessLocal<T> {
     process: u32,
     value: ManuallyDrop<T>,
@@ -14,7 +14,7 @@ impl<T> ProcessLocal<T> {
         ProcessLocal { process: std::process::id(), value: ManuallyDrop::new(value) }
     }
 
-    /// The value, in its own process.
+    /// The value, if this is the process that made it.
     pub fn get(&self) -> Option<&T> {
         (self.process == std::process::id()).then_some(&*self.value)
     }

@@ -1,4 +1,4 @@
-//! A scene through a lens, on a GPU; the twin of `cpu::render`.
+//! Renders a scene through a lens on a GPU; the twin of `cpu::render`.
 
 use super::bands::{self, Band, Requirements};
 use super::commands::{Commands, PassTime, Pending};
@@ -18,8 +18,8 @@ use crate::scene::layered::LayeredScene;
 use crate::simd::Simd;
 use std::sync::Arc;
 
-/// A scene through each of some lenses, from the adapter that is the `adapter`th of [`adapters::all`], with the times of
-/// all passes. One picture, or one band of it, comes back while the next one is computed.
+/// Renders a scene through each of some lenses on the adapter with index `adapter` in
+/// [`adapters::all`](super::adapters::all), and times all passes. One picture, or one band of it, is transferred back while the next one is computed.
 pub fn render_each<'a>(
     adapter: usize,
     scope: &Scope,
@@ -52,26 +52,26 @@ pub fn render_each<'a>(
     })
 }
 
-/// What all pictures of a scene have in common.
+/// The input that all pictures of a scene share.
 pub struct Scope<'a> {
     pub scene: &'a Scene,
-    /// What the device keeps of the scene.
+    /// The data of the scene that the device keeps.
     pub cache: &'a SceneCache,
     pub method: &'a Method,
     pub simd: Simd,
     pub cancel: &'a Cancel,
 }
 
-/// The scene through one lens.
+/// The scene, and the lens through which it is rendered.
 pub(super) struct Exposure<'a> {
     gpu: &'a Arc<Gpu>,
     scope: &'a Scope<'a>,
     imaging: &'a Imaging,
-    /// The picture less the focus surface.
+    /// The picture with the focus surface subtracted from its depth.
     picture: Arc<Picture>,
-    /// Where a magnified picture comes from.
+    /// The source pixels of the picture, if it is magnified.
     sources: Option<Sources>,
-    /// What the falloff knows of the opening.
+    /// The clipping of the opening that the falloff needs.
     clip: Option<PupilClip>,
     pub(super) bands: Vec<Band>,
 }
@@ -93,13 +93,13 @@ impl<'a> Exposure<'a> {
         Ok(exposure)
     }
 
-    /// How many values of the output a band makes.
+    /// The number of output values of a band.
     fn values_of(&self, band: &Band) -> usize {
         let (size, n) = (self.picture.size, self.scope.scene.supersample);
         band.rows.len() / n * (size.width / n) * size.channels
     }
 
-    /// The lenses that the picture is rendered through.
+    /// The optics of all renders that make up the picture.
     fn optics(&self) -> impl Iterator<Item = Optics> {
         let colors = if self.imaging.is_axially_chromatic() { 0..3 } else { 1..2 };
         colors.map(|color| self.imaging.optics_of(color))
@@ -129,19 +129,19 @@ impl<'a> Exposure<'a> {
         })
     }
 
-    /// The layered scene, for a lens that has been adapted to the focus surface.
+    /// The layered scene for a lens that has been adapted to the focus surface.
     fn layered(&self, optics: &Optics) -> Result<Arc<LayeredScene>> {
         let Scope { scene, simd, cancel, .. } = *self.scope;
         scene.layered(&self.picture, &self.imaging.surface, optics, simd, cancel)
     }
 
-    /// Begins to compute one band.
+    /// Starts to compute one band.
     pub(super) fn start(&self, band: &Band) -> Result<Pending> {
         let (gpu, &Scope { scene, cache, .. }) = (self.gpu, self.scope);
         let bands = self.bands.len();
         let picture = cache.picture(gpu, &self.picture, &band.read, bands)?;
         if let Method::Lens(settings) = self.scope.method {
-            // What takes long on the CPU, and is kept, comes first.
+            // Steps that take long on the CPU and whose results are kept come first.
             let (optics, _) = settings.leaning(self.imaging, &self.imaging.optics)?;
             cache.cells(gpu, &self.layered(&optics)?, &band.read, bands)?;
         }
@@ -179,7 +179,7 @@ impl<'a> Exposure<'a> {
         })
     }
 
-    /// What one focus makes of a band: of all its channels, or of some, which `picture` then has alone.
+    /// Renders a band at one focus: all of its channels, or only some, which `picture` then consists of.
     fn part(
         &self,
         commands: &mut Commands,

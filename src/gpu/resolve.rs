@@ -1,4 +1,4 @@
-//! From a super-sampled picture to the pixels of the output; as `cpu::resolve`.
+//! Averages a super-sampled picture down to the pixels of the output; the twin of `cpu::resolve`.
 
 use super::commands::Bound::{Read, Write};
 use super::commands::{Commands, groups, pixels};

@@ -1,4 +1,4 @@
-//! What is kept on a device from one render of a scene to the next.
+//! The data that a device keeps from one render of a scene to the next.
 
 use super::device::Gpu;
 use super::lens::Cells;
@@ -17,7 +17,7 @@ struct OnDevice {
     gpu: Arc<Gpu>,
     source: Arc<LayeredScene>,
     rows: Range<usize>,
-    /// Those rows.
+    /// The rows.
     layers: Arc<LayeredScene>,
     cells: Arc<Cells>,
 }
@@ -28,7 +28,7 @@ struct SpritesOnDevice {
     table: Arc<Table>,
 }
 
-/// Places for things on a device.
+/// A cache of values on a device.
 struct Slots<T>(Mutex<Vec<ProcessLocal<Arc<T>>>>);
 
 impl<T> Default for Slots<T> {
@@ -43,7 +43,7 @@ impl<T> Slots<T> {
         kept.iter().filter_map(ProcessLocal::get).find(|kept| fits(kept)).map(Arc::clone)
     }
 
-    /// What is there if it fits, else what is made anew and stays there, together with `count - 1` others.
+    /// The cached value that fits, or else a new one, which is then kept together with `count - 1` others.
     fn get(
         &self,
         count: usize,
@@ -54,7 +54,7 @@ impl<T> Slots<T> {
             return Ok(at_hand);
         }
         let kept = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        // What has been there the longest makes room first.
+        // The oldest entries make room first.
         let surplus = (kept().len() + 1).saturating_sub(count);
         let gone: Vec<_> = kept().drain(..surplus).collect();
         drop(gone);
@@ -64,7 +64,7 @@ impl<T> Slots<T> {
     }
 }
 
-/// Where a scene's picture, its layers and the sprites for it are kept, once they have been asked for.
+/// The cache of a scene's picture, its layers, and the sprites for it. Each is filled when first needed.
 #[derive(Default)]
 pub struct SceneCache {
     pictures: Slots<GpuPicture>,
@@ -73,7 +73,7 @@ pub struct SceneCache {
 }
 
 impl SceneCache {
-    /// Rows of the picture on this device, taken there on the first call; there are `count` such bands of it.
+    /// Rows of the picture on this device, uploaded by the first call. The picture has `count` such bands.
     pub fn picture(
         &self,
         gpu: &Arc<Gpu>,
@@ -87,7 +87,7 @@ impl SceneCache {
         self.pictures.get(count, fits, || gpu.guarded(|| GpuPicture::new(gpu, picture, rows, color)))
     }
 
-    /// Rows of these layers and their cells on this device, taken there on the first call; there are `count` such bands.
+    /// Rows of these layers and their cells on this device, uploaded by the first call. There are `count` such bands.
     pub fn cells(
         &self,
         gpu: &Arc<Gpu>,
@@ -114,7 +114,7 @@ impl SceneCache {
         Ok((Arc::clone(&own.layers), Arc::clone(&own.cells)))
     }
 
-    /// The sprites of these steps on this device, and perhaps of more.
+    /// The sprites of at least these steps on this device.
     pub fn sprites(
         &self,
         gpu: &Arc<Gpu>,

@@ -1,6 +1,6 @@
-//! Shaders, and the layout of what they are given.
+//! Shaders, and the layout of their parameters.
 
-/// Where the fields of a structure lie.
+/// The layout of the fields of a structure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Layout {
     /// The structure's name in WGSL.
@@ -11,8 +11,8 @@ pub struct Layout {
     pub size: usize,
 }
 
-/// A structure that shaders are given, with the layout that WGSL has for the fields of the same names. Fields that
-/// begin with an underscore only fill gaps.
+/// A structure that Rust and shaders share, with the layout that WGSL has for the fields of the same names. Fields
+/// whose name begins with an underscore only fill gaps.
 macro_rules! shared {
     ($(#[$meta:meta])* $visibility:vis struct $name:ident { $($(#[$field_meta:meta])* $field:ident: $type:ty,)* }) => {
         $(#[$meta])*
@@ -21,7 +21,7 @@ macro_rules! shared {
         $visibility struct $name { $($(#[$field_meta])* pub $field: $type,)* }
 
         impl $name {
-            /// Where its fields lie.
+            /// The layout of its fields.
             pub const LAYOUT: $crate::gpu::shader::Layout = $crate::gpu::shader::Layout {
                 name: stringify!($name),
                 fields: &[$((stringify!($field), std::mem::offset_of!($name, $field)),)*],
@@ -32,27 +32,30 @@ macro_rules! shared {
 }
 pub(crate) use shared;
 
-/// A compute shader with one entry point. Binding 0 is a uniform `params`, further ones are buffers.
+/// A compute shader with one entry point. Binding 0 is the uniform `params`, the following ones are buffers.
 #[derive(Debug)]
 pub struct Shader {
-    /// Its path below `shaders/`, without suffix.
+    /// Its path in `shaders/`, without suffix.
     pub name: &'static str,
-    /// WGSL.
+    /// Its WGSL source.
     pub source: &'static str,
     /// The structures that it shares with Rust.
-    #[cfg_attr(not(test), allow(dead_code, reason = "the tests compare layouts"))]
+    #[cfg_attr(
+        not(all(test, feature = "test-shaders")),
+        allow(dead_code, reason = "the tests compare layouts")
+    )]
     pub shared: &'static [Layout],
 }
 
 impl Shader {
-    /// The values of its constants for pictures of so many channels; not all shaders ask for them.
+    /// The values of its constants for pictures with this number of channels; not all shaders use them.
     pub fn constants(&self, channels: usize) -> Vec<(&'static str, f64)> {
         let asks = self.source.contains("override CHANNELS");
         asks.then_some(("CHANNELS", channels as f64)).into_iter().collect()
     }
 }
 
-/// A shader by its path below `shaders/`, the files that it builds upon, and the structures that it shares.
+/// A shader by its path in `shaders/`, the files that it includes, and the structures that it shares.
 macro_rules! shader {
     ($name:literal, [$($part:literal),*], [$($shared:ty),*]) => {
         $crate::gpu::shader::Shader {
@@ -86,5 +89,5 @@ impl From<crate::optics::Defocus> for Defocus {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "test-shaders"))]
 mod tests;

@@ -39,12 +39,12 @@ impl From<&crate::plan::taps::Tap> for Tap {
     }
 }
 
-/// What it needs of a device.
+/// What the method requires of a device.
 pub fn requirements(settings: &Settings, optics: &Optics) -> Requirements {
     Requirements::reaching(Plan::new(settings, optics).margin)
 }
 
-/// The picture.
+/// Renders the picture.
 pub fn render(
     commands: &mut Commands,
     scene: &GpuPicture,

@@ -1,5 +1,5 @@
-//! What goes wrong on a device is an error, after which the next call works. Nothing is tested where there is no
-//! adapter; `tests/conftest.py` counts what runs.
+//! An error on a device is returned as an error, and the next call works. Nothing is tested if there is no adapter;
+//! `tests/conftest.py` counts the tests that run.
 
 use super::adapters;
 use super::commands::Commands;
@@ -19,7 +19,7 @@ use crate::scene::Scene;
 use crate::simd::Simd;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Each test has the devices for itself, because it breaks them.
+/// Each test has the devices to itself, because it breaks them.
 static ALONE: Mutex<()> = Mutex::new(());
 
 /// A lens over a frame of any size.
@@ -39,7 +39,7 @@ fn taps() -> Method {
     Method::Taps(Settings::new(Variant::Thirteen, None).unwrap())
 }
 
-/// A renderer of a picture, and memory for what it renders.
+/// A renderer of a picture, and memory for its result.
 fn renderer(width: usize, height: usize) -> (Renderer, Vec<f32>) {
     (Renderer::new(picture(width, height), 3, 1), vec![0.0; 3 * width * height])
 }
@@ -67,7 +67,7 @@ fn a_device_that_was_lost_is_an_error_and_then_another_is_opened() {
         let expected = render(&scene, Device::Gpu(0)).unwrap();
         let gpu = Gpu::open(0).unwrap();
         gpu.device.destroy();
-        // The loss may be noticed by the call that it spoils, or before the next one.
+        // The loss may be noticed by the call during which it happens, or before the next one.
         let first = render(&scene, Device::Gpu(0));
         if let Err(error) = &first {
             assert!(matches!(error, Error::Device(_)), "{error:?}");
@@ -107,7 +107,7 @@ fn a_wait_can_be_cancelled() {
         cancel.cancel();
         let (lenses, device, mut out) = ([lens()], Device::Gpu(0), scene.1.clone());
         let result = scene.0.render_each(&lenses, &taps(), device, Simd::PORTABLE, &cancel, vec![&mut out]);
-        // A device that is done before the first look has nothing to cancel.
+        // A device that has finished before the first check has nothing to cancel.
         assert!(matches!(result, Ok(_) | Err(Error::Cancelled)), "{:?}", result.err());
         assert!(render(&scene, Device::Gpu(0)).is_ok());
     });

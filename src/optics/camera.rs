@@ -1,4 +1,4 @@
-//! Cameras: a lens of some focal length and f-number before a sensor of some size.
+//! Cameras: a lens of some focal length and f-number in front of a sensor of some size.
 
 use super::lens::{Base, FovAxis, Lens, Mount, positive};
 use crate::error::{Result, value_error};
@@ -6,9 +6,9 @@ use crate::error::{Result, value_error};
 /// The size of a sensor in millimetres.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sensor {
-    /// From left to right.
+    /// Width in millimetres.
     pub width_mm: f64,
-    /// From top to bottom.
+    /// Height in millimetres.
     pub height_mm: f64,
 }
 
@@ -16,7 +16,7 @@ const fn sensor(width_mm: f64, height_mm: f64) -> Sensor {
     Sensor { width_mm, height_mm }
 }
 
-/// Sensors by name. Makers' own differ by some tenths of a millimetre.
+/// Sensors by name. The sensors of individual makers differ by some tenths of a millimetre.
 pub const SENSORS: [(&str, Sensor); 11] = [
     ("medium format", sensor(43.8, 32.9)),
     ("full frame", sensor(36.0, 24.0)),
@@ -58,14 +58,15 @@ impl Lens {
         lens.mounted(Mount { sensor_mm: Some(sensor_width_mm), ..Mount::PLAIN })
     }
 
-    /// The same lens with a field of view that changes with its focus from now on, as its focal length wants.
+    /// The same lens with focus breathing: from now on its field of view changes with its focus, as its focal length
+    /// implies.
     pub fn breathing(self) -> Result<Lens> {
         let focal_length_mm = self.focal_length_mm("breathing")?;
         self.mounted(Mount { breathing_focal_length_mm: Some(focal_length_mm), ..self.mount })
     }
 
-    /// Aperture radius and focus distance in metres, and distance in metres of the image behind the lens; `what` wants
-    /// to know.
+    /// Aperture radius and focus distance in metres, and the distance in metres of the image behind the lens. `what`
+    /// names the caller in errors.
     fn metric(&self, what: &str) -> Result<(f64, f64, f64)> {
         match (self.base, self.mount) {
             (Base::Thin { aperture_radius, focus_distance, .. }, mount) if mount.sensor_mm.is_some() => {
@@ -92,7 +93,7 @@ impl Lens {
         }
     }
 
-    /// How much larger than the picture the lens shows the scene at its present focus: 1 unless it breathes.
+    /// The magnification of the picture at the present focus of the lens: 1 unless it breathes.
     pub(super) fn magnification(&self) -> f64 {
         match (self.mount.breathing_focal_length_mm, self.base, self.picture_distance_mm()) {
             (Some(mm), Base::Thin { focus_distance, .. }, Some(picture)) => {
@@ -108,13 +109,13 @@ impl Lens {
         Ok(1e3 / (1.0 / u + 1.0 / v))
     }
 
-    /// Focal length over the diameter of the opening.
+    /// Focal length divided by the diameter of the opening.
     pub fn f_number(&self, what: &str) -> Result<f64> {
         let (aperture_radius, ..) = self.metric(what)?;
         Ok(1e-3 * self.focal_length_mm(what)? / (2.0 * aperture_radius))
     }
 
-    /// Diameter in millimetres on the sensor of the circle of confusion of a point at depth `z`.
+    /// Diameter in millimetres, on the sensor, of the circle of confusion of a point at depth `z`.
     pub fn coc_diameter_mm(&self, z: f64) -> Result<f64> {
         let (aperture_radius, u, v) = self.metric("coc_diameter_mm")?;
         if z.is_nan() || z <= 0.0 {
@@ -123,7 +124,7 @@ impl Lens {
         Ok(2e3 * aperture_radius * v * (1.0 / u - 1.0 / z).abs())
     }
 
-    /// The nearest focus that leaves infinity no more blurred than `coc_limit_mm`: `f^2 / (N c) + f`.
+    /// The nearest focus at which the blur of infinity is no larger than `coc_limit_mm`: `f^2 / (N c) + f`.
     pub fn hyperfocal_distance(&self, coc_limit_mm: f64) -> Result<f64> {
         let (aperture_radius, ..) = self.metric("hyperfocal_distance")?;
         let c = positive("coc_limit_mm", coc_limit_mm, "a diameter in millimetres")?;
@@ -132,8 +133,8 @@ impl Lens {
         Ok(2.0 * aperture_radius * f / c + f * 1e-3)
     }
 
-    /// Nearest and farthest depth no more blurred than `coc_limit_mm`. The blur is linear in `1/z`, so that both lie
-    /// `c / (2 A v)` from the focus.
+    /// Nearest and farthest depth whose blur is no larger than `coc_limit_mm`. The blur is linear in `1/z`, so both
+    /// are `c / (2 A v)` from the focus.
     pub fn depth_of_field(&self, coc_limit_mm: f64) -> Result<(f64, f64)> {
         let (aperture_radius, u, v) = self.metric("depth_of_field")?;
         let c = positive("coc_limit_mm", coc_limit_mm, "a diameter in millimetres")? * 1e-3;
@@ -143,7 +144,7 @@ impl Lens {
     }
 }
 
-/// Where a lens of focal length `f` has the image of what is at distance `u`, all in metres.
+/// The image distance of a point at distance `u` for a lens of focal length `f`, all in metres.
 fn image_distance(f: f64, u: f64) -> f64 {
     if u.is_infinite() { f } else { f * u / (u - f) }
 }
@@ -181,7 +182,7 @@ mod tests {
         let h = lens.hyperfocal_distance(0.02).unwrap();
         let focused = Lens::from_camera(35.0, 4.0, h, 23.6).unwrap();
         assert!((focused.coc_diameter_mm(f64::INFINITY).unwrap() - 0.02).abs() < 1e-12);
-        // The far limit is infinity but for rounding.
+        // The far limit is infinity, except for rounding.
         let (near, far) = focused.depth_of_field(0.02).unwrap();
         assert!((near / (0.5 * h) - 1.0).abs() < 1e-9 && far > 1e12, "{near} {far}");
     }
@@ -195,7 +196,7 @@ mod tests {
         assert!((at(f64::INFINITY).magnification() - 1.0).abs() < 1e-12);
         for u in [0.5, 3.0] {
             assert!((at(u).magnification() - u / (u - 0.05)).abs() < 1e-12);
-            // As if it had been made for that focus.
+            // The result is the same as for a lens that was made for that focus.
             let made = Lens::from_camera(50.0, 2.0, u, 36.0).unwrap();
             assert!((at(u).coc_diameter_mm(9.0).unwrap() - made.coc_diameter_mm(9.0).unwrap()).abs() < 1e-12);
         }

@@ -1,6 +1,6 @@
-//! How far out of focus a surface is: the circle of confusion as two numbers.
+//! The defocus of a surface: the circle of confusion from two numbers.
 
-/// What a lens means for one frame size: `t = k (d - d_focus)`.
+/// The lens for one frame size: `t = k (d - d_focus)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Optics {
     /// Pixels of circle-of-confusion radius per unit of disparity.
@@ -16,14 +16,14 @@ impl Optics {
         self.k * (d - self.d_focus)
     }
 
-    /// Signed distance in metres from the focus plane at disparity `d`, positive behind it; of a metric scene only.
+    /// Signed distance in metres from the focus plane at disparity `d`, positive behind it; only for metric scenes.
     pub fn beyond_focus_m(&self, d: f64) -> f64 {
-        // Both may be infinitely far away.
+        // Both distances may be infinite.
         if d == self.d_focus { 0.0 } else { 1.0 / d - 1.0 / self.d_focus }
     }
 
-    /// The radius of the largest circle of confusion in a frame with disparities in this range. The shift is linear in
-    /// disparity, so that it is largest at one end.
+    /// The radius of the largest circle of confusion in a frame with disparities in this range. The shift is linear
+    /// in disparity, so it is largest at one end of the range.
     pub fn largest_radius_px(&self, disparities: [f32; 2]) -> f64 {
         disparities.map(|d| self.shift_px(f64::from(d)).abs()).into_iter().fold(0.0, f64::max)
     }
@@ -58,7 +58,7 @@ impl Optics {
     }
 }
 
-/// What the distance of a surface from the focus plane is measured by.
+/// The measure of the distance of a surface from the focus plane.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Measure {
     /// The shift in pixels.
@@ -71,9 +71,9 @@ pub enum Measure {
 /// `scale (1/d - 1/d_focus)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Defocus {
-    /// What is multiplied.
+    /// The measure that is multiplied.
     pub measure: Measure,
-    /// By what; the lens's own strength is in it.
+    /// The factor; it includes the strength of the lens.
     pub scale: f64,
     /// Disparity in focus.
     pub d_focus: f64,

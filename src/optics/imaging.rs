@@ -1,4 +1,4 @@
-//! What a lens means for one frame.
+//! The image of one frame through a lens.
 
 use super::defocus::Optics;
 use super::lens::{Base, Lens, Strength};
@@ -6,26 +6,26 @@ use super::surface::FocusSurface;
 use crate::depth::Rays;
 use crate::error::Result;
 
-/// A frame of pixels: the output, with a margin and pixels finer by a whole factor.
+/// A frame of pixels: the output, with a margin and with pixels finer by a whole factor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Frame {
     /// Columns of the output, which the field of view spans.
     pub width: usize,
     /// Rows of the output.
     pub height: usize,
-    /// Pixels to one of the output, along each axis.
+    /// Number of pixels per pixel of the output, along each axis.
     pub finer: usize,
     /// Pixels of the output added on every side.
     pub margin: usize,
 }
 
-/// The second stop of a lens's barrel: from pixel `p` it seems to be moved across the opening to `c(p) = per_px (p -
-/// centre)`, in radii of the opening, and clips it.
+/// The second stop, in the barrel of a lens. As seen from pixel `p`, it is displaced across the opening to
+/// `c(p) = per_px (p - centre)`, in radii of the opening, and clips it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SecondStop {
     /// The pixel on the axis.
     pub centre: [f64; 2],
-    /// Radii of the opening a pixel.
+    /// Displacement per pixel, in radii of the opening.
     pub per_px: f64,
 }
 
@@ -42,12 +42,12 @@ impl SecondStop {
     }
 }
 
-/// How the picture darkens away from the axis.
+/// The falloff: how the picture darkens away from the axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Falloff {
     /// The pixel on the axis.
     pub centre: [f64; 2],
-    /// Whether what the second stop clips is missing.
+    /// Whether the light that the second stop clips is missing.
     pub optical: bool,
     /// Focal length in pixels, if light falls off with the fourth power of the cosine.
     pub natural_focal_px: Option<f64>,
@@ -64,20 +64,20 @@ impl Falloff {
     }
 }
 
-/// All that a frame needs to know of a lens.
+/// All properties of a lens that a frame needs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Imaging {
     /// The thin lens on the axis.
     pub optics: Optics,
-    /// Where the rest of the picture is in focus.
+    /// The focus surface of the rest of the picture.
     pub surface: FocusSurface,
-    /// What is added to the disparity in focus for red, green and blue.
+    /// The change of the disparity in focus for red, green and blue.
     pub axial_color: [f64; 3],
     /// Magnification of the red, green and blue pictures about [`FocusSurface::centre`].
     pub magnification: [f64; 3],
-    /// The second stop, if it clips anything.
+    /// The second stop, if the lens has one that clips.
     pub second_stop: Option<SecondStop>,
-    /// How the picture darkens, if it does.
+    /// The falloff, if the picture darkens.
     pub falloff: Option<Falloff>,
 }
 
@@ -91,35 +91,35 @@ impl Imaging {
         Imaging { surface, second_stop, falloff, ..*self }
     }
 
-    /// The lens as one channel has it. Channels beyond three, coverage, are green's.
+    /// The optics of one channel. Channels beyond three, which are coverage, have green's.
     pub fn optics_of(&self, channel: usize) -> Optics {
         let axial = self.axial_color.get(channel).unwrap_or(&self.axial_color[1]);
         Optics { d_focus: self.optics.d_focus + axial, ..self.optics }
     }
 
-    /// Magnification of a channel; of those beyond three, green's.
+    /// The magnification of a channel; channels beyond three have green's.
     pub fn magnification_of(&self, channel: usize) -> f64 {
         *self.magnification.get(channel).unwrap_or(&self.magnification[1])
     }
 
-    /// Whether the three colours are focused apart.
+    /// Whether the focus of the three colours differs.
     pub fn is_axially_chromatic(&self) -> bool {
         self.axial_color != [self.axial_color[0]; 3]
     }
 
-    /// Whether the three colours are of different sizes.
+    /// Whether the magnification of the three colours differs.
     pub fn is_laterally_chromatic(&self) -> bool {
         self.magnification != [self.magnification[0]; 3]
     }
 
-    /// Whether pictures are of the size that they were given in.
+    /// Whether any channel is magnified.
     pub fn is_magnified(&self) -> bool {
         self.magnification != [1.0; 3]
     }
 }
 
 impl Frame {
-    /// A frame with neither margin nor finer pixels.
+    /// A frame without margin and without finer pixels.
     pub fn plain(width: usize, height: usize) -> Frame {
         Frame { width, height, finer: 1, margin: 0 }
     }
@@ -147,7 +147,7 @@ impl Frame {
         lens.focal_px(self.width, self.height).map(|f| f * self.finer as f64)
     }
 
-    /// The pixel that the optical axis meets; pixel centres have whole numbers.
+    /// The pixel on the optical axis; pixel centres have integer coordinates.
     pub fn centre(&self, lens: &Lens) -> [f64; 2] {
         let along = |n: usize, offset: f64| {
             (n as f64 * (0.5 + offset) + self.margin as f64) * self.finer as f64 - 0.5
@@ -156,12 +156,12 @@ impl Frame {
         [along(self.width, x), along(self.height, y)]
     }
 
-    /// Where its pixels look; nowhere that is known under a lens over relative disparity.
+    /// The directions of its pixels' rays; `None` for a lens over relative disparity, for which they are not known.
     pub fn rays(&self, lens: &Lens) -> Option<Rays> {
         self.focal_px(lens).map(|focal_px| Rays { focal_px, centre: self.centre(lens) })
     }
 
-    /// All that this frame needs to know of a lens.
+    /// All properties of a lens that this frame needs.
     pub fn imaging(&self, lens: &Lens) -> Result<Imaging> {
         let (optics, centre, focal_px) = (self.optics(lens), self.centre(lens), self.focal_px(lens));
         let surface = lens.focus_surface(focal_px, centre);

@@ -1,8 +1,8 @@
-//! What users say of a lens, checked once.
+//! The lens as users describe it, checked once.
 
 use crate::error::{Result, value_error};
 
-/// The side of the picture that a field of view is measured along, in Mitsuba's words.
+/// The side of the picture along which a field of view is measured, in Mitsuba's terms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FovAxis {
     /// The width.
@@ -40,7 +40,7 @@ impl FovAxis {
     }
 }
 
-/// How strong a lens over relative disparity is: its radius of the circle of confusion per unit of disparity.
+/// The strength of a lens over relative disparity: radius of the circle of confusion per unit of disparity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Strength {
     /// In pixels.
@@ -49,7 +49,7 @@ pub enum Strength {
     Percent(f64),
 }
 
-/// How wide a lens is open, where it is focused, and how it maps the scene to pixels.
+/// The size of the opening, the focus, and the mapping of the scene to pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Base {
     /// A thin lens in a metric scene.
@@ -63,21 +63,21 @@ pub enum Base {
         /// The side that `fov` spans.
         fov_axis: FovAxis,
     },
-    /// A lens over relative disparity (from a network, say) with no metric claim.
+    /// A lens over relative disparity (for example from a network), without a metric scale.
     Relative {
-        /// How strong it is.
+        /// Radius per unit of disparity.
         strength: Strength,
         /// The disparity in focus.
         focus_disparity: f64,
     },
 }
 
-/// How the lens sits before the sensor.
+/// The position of the lens relative to the sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mount {
-    /// Angles in degrees by which the focus plane leans: its top away from the camera, and its right side.
+    /// Angles in degrees by which the focus plane is tilted: its top away from the camera, and its right side.
     pub tilt_deg: [f64; 2],
-    /// Where the optical axis meets the picture, from its middle, in widths to the right and heights down.
+    /// Position of the optical axis relative to the centre of the picture: widths to the right, and heights down.
     pub principal_point: [f64; 2],
     /// Length of the sensor in millimetres along the side that the field of view spans.
     pub sensor_mm: Option<f64>,
@@ -86,7 +86,7 @@ pub struct Mount {
 }
 
 impl Mount {
-    /// Straight, centred, and of a size that nobody has asked for.
+    /// Not tilted and centred, with unspecified sensor and without breathing.
     pub const PLAIN: Mount = Mount {
         tilt_deg: [0.0; 2],
         principal_point: [0.0; 2],
@@ -95,16 +95,16 @@ impl Mount {
     };
 }
 
-/// Whether the picture is darker away from its middle.
+/// Whether the picture darkens away from its centre.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Vignetting {
-    /// As bright everywhere.
+    /// Equally bright everywhere.
     None,
-    /// As much darker as the second stop clips the opening.
+    /// It darkens by the part of the opening that the second stop clips.
     Optical,
-    /// By the fourth power of the cosine of the angle to the axis.
+    /// It darkens by the fourth power of the cosine of the angle to the axis.
     Natural,
-    /// By both.
+    /// Both.
     Full,
 }
 
@@ -117,7 +117,7 @@ impl Vignetting {
         ("full", Vignetting::Full),
     ];
 
-    /// Whether light that the second stop clips is missing.
+    /// Whether the light that the second stop clips is missing.
     pub fn is_optical(self) -> bool {
         matches!(self, Vignetting::Optical | Vignetting::Full)
     }
@@ -128,19 +128,19 @@ impl Vignetting {
     }
 }
 
-/// What keeps a lens from being a thin lens.
+/// Deviations from a thin lens.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Aberrations {
     /// Curvature of the image surface in 1/m: see [`FocusSurface`](super::FocusSurface).
     pub field_curvature: f64,
-    /// What is added to the disparity in focus for red, green and blue, in 1/m.
+    /// The change of the disparity in focus for red, green and blue, in 1/m.
     pub axial_color: [f64; 3],
-    /// Magnification of the red, green and blue pictures, less 1.
+    /// Magnification of the red, green and blue pictures, minus 1.
     pub lateral_color: [f64; 3],
-    /// How far the second stop of the second stop seems to move across the opening from the middle of the picture to its
-    /// corners, in radii of the opening.
+    /// Displacement of the second stop across the opening from the centre of the picture to its corners, in radii of
+    /// the opening.
     pub cat_eye: f64,
-    /// Whether the picture is darker away from its middle.
+    /// Whether the picture darkens away from its centre.
     pub vignetting: Vignetting,
 }
 
@@ -160,9 +160,9 @@ impl Aberrations {
 pub struct Lens {
     /// A thin lens, or one over relative disparity.
     pub base: Base,
-    /// How it sits before the sensor.
+    /// Its position relative to the sensor.
     pub mount: Mount,
-    /// What it does beyond that.
+    /// Its deviations from a thin lens.
     pub aberrations: Aberrations,
 }
 
@@ -174,7 +174,7 @@ pub(super) fn positive(name: &str, value: f64, what: &str) -> Result<f64> {
     }
 }
 
-/// Numbers that all lie within a bound.
+/// Checks that all numbers are within a bound.
 fn within(name: &str, values: &[f64], bound: f64, what: &str) -> Result<()> {
     match values.iter().find(|v| v.is_nan() || v.abs() > bound) {
         None => Ok(()),
@@ -221,7 +221,7 @@ impl Lens {
         Ok(Lens { base, mount: Mount::PLAIN, aberrations: Aberrations::NONE })
     }
 
-    /// The same lens, mounted like this.
+    /// The same lens with this mount.
     pub fn mounted(self, mount: Mount) -> Result<Lens> {
         if let Some(angle) = mount.tilt_deg.iter().find(|angle| angle.is_nan() || angle.abs() >= 90.0) {
             return Err(value_error!(
@@ -266,7 +266,7 @@ impl Lens {
     }
 
     /// The same lens with these aberrations.
-    pub fn flawed(self, aberrations: Aberrations) -> Result<Lens> {
+    pub fn with_aberrations(self, aberrations: Aberrations) -> Result<Lens> {
         within("field_curvature", &[aberrations.field_curvature], 1e6, "a curvature in 1/m")?;
         within("axial_color", &aberrations.axial_color, 1e6, "three disparities (red, green, blue)")?;
         within(
@@ -302,7 +302,7 @@ impl Lens {
         Ok(Lens { aberrations, ..self })
     }
 
-    /// Focal length in pixels for a frame of this size; `None` for a relative lens, which has none.
+    /// Focal length in pixels for a frame of this size; `None` for a lens over relative disparity, which has none.
     pub fn focal_px(&self, width: usize, height: usize) -> Option<f64> {
         match self.base {
             Base::Thin { fov, fov_axis, .. } => {
@@ -320,7 +320,7 @@ impl Lens {
             }
             Base::Relative { strength, .. } => Lens::from_disparity(strength, d),
         }?;
-        lens.mounted(self.mount)?.flawed(self.aberrations)
+        lens.mounted(self.mount)?.with_aberrations(self.aberrations)
     }
 }
 
@@ -344,16 +344,20 @@ mod tests {
             (thin(f64::INFINITY).mounted(tilted), "tilt"),
             (relative.mounted(tilted), "tilt"),
             (thin(1.0).mounted(Mount { sensor_mm: Some(0.0), ..Mount::PLAIN }), "sensor_mm"),
-            (thin(1.0).flawed(Aberrations { cat_eye: 1.5, ..Aberrations::NONE }), "cat_eye"),
+            (thin(1.0).with_aberrations(Aberrations { cat_eye: 1.5, ..Aberrations::NONE }), "cat_eye"),
             (
-                thin(1.0).flawed(Aberrations { vignetting: Vignetting::Full, ..Aberrations::NONE }),
+                thin(1.0).with_aberrations(Aberrations { vignetting: Vignetting::Full, ..Aberrations::NONE }),
                 "vignetting",
             ),
             (
-                thin(1.0).flawed(Aberrations { lateral_color: [0.0, 0.0, 2.0], ..Aberrations::NONE }),
+                thin(1.0)
+                    .with_aberrations(Aberrations { lateral_color: [0.0, 0.0, 2.0], ..Aberrations::NONE }),
                 "lateral_color",
             ),
-            (relative.flawed(Aberrations { field_curvature: 1.0, ..Aberrations::NONE }), "field_curvature"),
+            (
+                relative.with_aberrations(Aberrations { field_curvature: 1.0, ..Aberrations::NONE }),
+                "field_curvature",
+            ),
         ] {
             let text = lens.unwrap_err().to_string();
             assert!(text.starts_with(name), "{text}");

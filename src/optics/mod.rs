@@ -9,10 +9,10 @@
 //! q(d) = p + t l                 where the ray through output pixel p and lens point l, |l| <= 1, meets d
 //! ```
 //!
-//! so a whole frame needs two numbers, `k` and `d_focus`, and no kernel ever sees a focal length. What real lenses do
-//! beyond that comes in around it: a [`FocusSurface`] is taken off the picture's disparity before anything else,
-//! chromatic aberration is a focus and a magnification for each channel, and a [`SecondStop`] says which lens
-//! points a pixel does not see.
+//! so a whole frame needs only two numbers, `k` and `d_focus`, and no kernel needs a focal length. Further properties
+//! of real lenses are added around this: a [`FocusSurface`] is subtracted from the picture's disparity before
+//! anything else, chromatic aberration is a focus and a magnification for each channel, and a [`SecondStop`]
+//! determines which lens points a pixel does not see.
 
 mod camera;
 mod defocus;

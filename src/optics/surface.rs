@@ -1,29 +1,29 @@
-//! Focus surfaces that are no plane facing the camera.
+//! Focus surfaces other than a plane that faces the camera.
 //!
 //! A plane of the scene has a disparity that is linear over the picture: with `x = z u` for the picture coordinate `u`
 //! (in focal lengths), `z = z0 + s . x` becomes `d = (1 - s . u) / z0`. So a tilted focus plane is a disparity in
 //! focus `d_f(p)` that is affine in the pixel, and `t = k (d(q) - d_f(p))` with the pixel that the ray starts from.
 //!
-//! Let `b` be its gradient and take it off the picture: `d'(q) = d(q) - b . (q - c)`. On the ray `q = p + t l`, so
+//! Let `b` be its gradient, and subtract it from the picture: `d'(q) = d(q) - b . (q - c)`. On the ray `q = p + t l`,
 //! `k (d'(q) - d_f(c)) = t - k b . (q - p) = t (1 - k b . l)`. That is the plain lens again, over `d'`, with the lens
-//! points `l / (1 - k b . l)`: exact, and all that a tilt is.
+//! points `l / (1 - k b . l)`. This is exact, and it is the whole effect of a tilt.
 //!
-//! Field curvature adds `h |p - c|^2`. It is taken off likewise; its own gradient would change lens points by `k 2 h
-//! (p - c) . l` of themselves, which is left out: where the curvature has changed the focus by `n` pixels of circle
-//! of confusion at `r` pixels from the axis, radii are up to `2 n / r` of themselves too large or too small towards
-//! one side.
+//! Field curvature adds `h |p - c|^2`. It is subtracted likewise. Its own gradient would change lens points by
+//! `k 2 h (p - c) . l` relative to themselves, which is neglected: where the curvature has changed the focus by `n`
+//! pixels of circle of confusion at `r` pixels from the axis, the relative error of radii towards one side is up to
+//! `2 n / r`.
 
 use super::lens::{Base, Lens, Mount};
 use crate::error::{Result, value_error};
 
-/// How much nearer than on the axis the focus is, as a disparity: `gradient . (q - c) + curvature |q - c|^2`.
+/// How much nearer the focus is than on the axis, as a disparity: `gradient . (q - c) + curvature |q - c|^2`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FocusSurface {
     /// The pixel on the axis.
     pub centre: [f64; 2],
-    /// Disparity a pixel.
+    /// Disparity per pixel.
     pub gradient: [f64; 2],
-    /// Disparity a square pixel.
+    /// Disparity per square pixel.
     pub curvature: f64,
 }
 
@@ -33,23 +33,25 @@ impl FocusSurface {
         self.gradient == [0.0; 2] && self.curvature == 0.0
     }
 
-    /// Disparity in focus at a pixel, less that on the axis.
+    /// Disparity in focus at a pixel, relative to that on the axis.
     #[inline(always)]
     pub fn offset(&self, x: f64, y: f64) -> f64 {
         let (x, y) = (x - self.centre[0], y - self.centre[1]);
         self.gradient[0] * x + self.gradient[1] * y + self.curvature * (x * x + y * y)
     }
 
-    /// What the surface makes of a lens of strength `k`: by how much its focus changes a pixel, in shift, and how much
-    /// stronger the lens has to be for points that are [leaning](crate::aperture::Aperture::leaning) so far.
+    /// The effect of the surface on a lens of strength `k`: the change of its focus per pixel, in shift, and the
+    /// factor by which the lens has to be stronger for points that are [leaning](crate::aperture::Aperture::leaning)
+    /// so far.
     pub fn leaning(&self, k: f64) -> Result<([f64; 2], f64)> {
         let lean = self.lean(k)?;
         Ok((lean, 1.0 / (1.0 - lean[0].hypot(lean[1]))))
     }
 
-    /// The change of focus a pixel, in shift, under a lens of strength `k`.
+    /// The change of the focus per pixel, in shift, under a lens of strength `k`.
     pub fn lean(&self, k: f64) -> Result<[f64; 2]> {
-        /// The focus plane meets the plane of the lens at a distance of the opening's radius over the lean.
+        /// The largest lean. The focus plane meets the plane of the lens at a distance of the opening's radius over
+        /// the lean.
         const STEEPEST: f64 = 0.4;
         let lean = self.gradient.map(|b| k * b);
         let steepness = lean[0].hypot(lean[1]);
@@ -65,21 +67,21 @@ impl FocusSurface {
     }
 }
 
-/// Slopes of the focus plane: depth gained for each unit to the right, and down the picture.
+/// Slopes of the focus plane: change of depth per unit to the right, and per unit down the picture.
 fn slopes(tilt_deg: [f64; 2]) -> [f64; 2] {
     let [x, y] = tilt_deg.map(|angle| angle.to_radians().tan());
     [y, -x]
 }
 
 impl Lens {
-    /// The focus surface in a frame whose pixels are `focal_px` to the focal length, with the axis at `centre`.
+    /// The focus surface in a frame with a focal length of `focal_px` pixels, and with the axis at `centre`.
     pub(super) fn focus_surface(&self, focal_px: Option<f64>, centre: [f64; 2]) -> FocusSurface {
         let flat = FocusSurface { centre, gradient: [0.0; 2], curvature: 0.0 };
         match (self.base, focal_px) {
             (Base::Thin { focus_distance, .. }, Some(f)) if self.has_surface() => FocusSurface {
                 gradient: slopes(self.mount.tilt_deg).map(|s| -s / (focus_distance * f)),
-                // An image surface of radius R lies tan^2 v^2 / 2R off the sensor, which moves the focus by that over
-                // v^2.
+                // An image surface of radius R is tan^2 v^2 / 2R away from the sensor, which moves the focus by that
+                // over v^2.
                 curvature: 0.5 * self.aberrations.field_curvature / (f * f),
                 ..flat
             },
@@ -91,8 +93,9 @@ impl Lens {
         self.mount.tilt_deg != [0.0; 2] || self.aberrations.field_curvature != 0.0
     }
 
-    /// The disparity that has to be in focus on the axis for the focus surface to hold what has disparity `d` at the
-    /// place `u`, in focal lengths to the right of the axis and below it; none if that is in front of no camera.
+    /// The disparity that has to be in focus on the axis so that the focus surface contains a point of disparity `d`
+    /// at position `u`, in focal lengths to the right of the axis and below it. `None` if no point in front of the
+    /// camera does that.
     pub fn on_axis(&self, d: f64, u: [f64; 2]) -> Option<f64> {
         if !self.has_surface() {
             return Some(d);
@@ -104,9 +107,9 @@ impl Lens {
         (leaning > 0.0 && on_axis > 0.0).then_some(on_axis)
     }
 
-    /// The same lens with its focus plane through three places `u` of disparity `d`: `[u_x, u_y, d]`.
+    /// The same lens with its focus plane through three points `[u_x, u_y, d]`: position `u` and disparity `d`.
     pub fn focused_on_plane(&self, places: [[f64; 3]; 3]) -> Result<Lens> {
-        // Each is an equation a + g . u = d, less what the curvature adds.
+        // Each point is an equation a + g . u = d, minus the contribution of the curvature.
         let [p, q, r] =
             places.map(|[x, y, d]| [x, y, d - 0.5 * self.aberrations.field_curvature * (x * x + y * y)]);
         let [e, f] = [q, r].map(|v| [v[0] - p[0], v[1] - p[1], v[2] - p[2]]);
@@ -138,7 +141,7 @@ mod tests {
     fn lens(tilt_deg: [f64; 2], field_curvature: f64) -> Lens {
         let lens = Lens::thin(0.05, 3.0, 50.0, FovAxis::X).unwrap();
         let lens = lens.mounted(Mount { tilt_deg, ..Mount::PLAIN }).unwrap();
-        lens.flawed(Aberrations { field_curvature, ..Aberrations::NONE }).unwrap()
+        lens.with_aberrations(Aberrations { field_curvature, ..Aberrations::NONE }).unwrap()
     }
 
     #[test]
@@ -187,18 +190,18 @@ mod tests {
         assert!(curved.focused_on_plane(line).unwrap_err().to_string().starts_with("pixels"));
     }
 
-    /// A lens tilted about a horizontal axis, by thin-lens conjugates in its own frame and nothing else.
+    /// A lens tilted about a horizontal axis, from thin-lens conjugates in its own frame and nothing else.
     #[test]
     fn a_tilted_lens_is_sharp_where_scheimpflugs_rule_says() {
         let (u, v, phi) = (2.5, 0.06, 8f64.to_radians());
-        // Planes of sensor, lens and focus meet in one line, v / tan(phi) below the axis.
+        // The planes of the sensor, the lens and the focus meet in one line, v / tan(phi) below the axis.
         let hinge = v / phi.tan();
         let slope = (u + v) / hinge;
         let tilt_x = slope.atan().to_degrees();
         let tilted = Lens::thin(0.001, u, 40.0, FovAxis::X).unwrap();
         let tilted = tilted.mounted(Mount { tilt_deg: [tilt_x, 0.0], ..Mount::PLAIN }).unwrap();
         let surface = tilted.focus_surface(Some(1.0), [0.0; 2]);
-        // The lens's axis in (height, z), and its focal length from the conjugates on the picture's axis.
+        // The axis of the lens in (height, z), and its focal length from the conjugates on the picture's axis.
         let axis = [-phi.sin(), phi.cos()];
         let along = |p: [f64; 2]| p[0] * axis[0] + p[1] * axis[1];
         let f = 1.0 / (1.0 / along([0.0, u]) + 1.0 / -along([0.0, -v]));

@@ -1,39 +1,39 @@
-//! One wide separable blur of a half-size copy, laid over the picture by blurriness.
+//! One wide separable blur of a half-size copy, composited over the picture by blurriness.
 //!
-//! After the second half of Riguer, Tatarchuk and Isidoro, "Real-Time Depth of Field Simulation", ShaderX2. The
-//! blur along x weighs every tap by how far the tap's own blurriness lies above a threshold that grows with
-//! distance, so that sharp things do not spread; what all taps of a pixel weigh together is carried on and weighs the
-//! pixel in the blur along y. The result is laid over the picture by each pixel's blurriness.
+//! After the second half of Riguer, Tatarchuk and Isidoro, "Real-Time Depth of Field Simulation", ShaderX2. The blur
+//! along x weighs every tap by the amount by which the tap's own blurriness exceeds a threshold that grows with
+//! distance, so that sharp surfaces do not spread. The sum of these weights is kept for each pixel, and weighs it in
+//! the blur along y. The result is composited over the picture by each pixel's blurriness.
 //!
-//! The listings have slips, mended here: along x the third tap on one side takes the first tap's threshold and the
+//! The listings have slips, corrected here: along x the third tap on one side takes the first tap's threshold and the
 //! second tap on the other side the first one's colour; along y the fourth tap on one side takes the fifth one's
-//! colour. The tables of x and y are the article's, and differ: see [`sigma_px`]. The article interpolates
-//! colours and weights of the first blur apart; here weighted colours are interpolated, so that what has no weight
-//! has no colour either.
+//! colour. The tables of x and y are the article's, and differ: see [`sigma_px`]. The article interpolates colours
+//! and weights of the first blur separately; here weighted colours are interpolated, so that a texel without weight
+//! contributes no colour either.
 
 use crate::error::{Result, value_error};
 use crate::optics::{Defocus, Measure, Optics};
 
-/// Distances of the taps beside the centre, in texels of the half-size copy: each reads two of them at once.
+/// Distances of the taps from the centre, in texels of the half-size copy: each tap reads two texels at once.
 const OFFSETS: [f64; 6] = [1.3366, 3.4295, 5.4264, 7.4359, 9.4436, 11.4401];
-/// Blurriness from which the centre and each tap count along x. The centre always counts a little.
+/// The blurriness above which the centre and each tap count along x. The centre always counts a little.
 const THRESHOLDS: [f64; 7] = [-0.01, 0.1, 0.3, 0.5, 0.6, 0.7, 0.8];
 /// Weights of the centre and of each tap along y.
 const WEIGHTS: [f64; 7] = [0.100, 0.080, 0.075, 0.070, 0.065, 0.060, 0.055];
 
-/// Texels of the half-size copy that the blur reaches to every side.
+/// Number of texels of the half-size copy that the blur reaches on every side.
 pub const REACH: usize = 12;
 
-/// What blurriness is measured by.
+/// How blurriness is measured.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Blurriness {
-    /// The radius of the circle of confusion over this one.
+    /// The radius of the circle of confusion, divided by this value.
     CircleOfConfusion { max_coc_px: f64 },
-    /// The distance from the focus plane over this one.
+    /// The distance from the focus plane, divided by this value.
     Range { range_m: f64 },
 }
 
-/// The choices that a caller has.
+/// The choices of the caller.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
     blurriness: Blurriness,
@@ -43,7 +43,7 @@ impl Settings {
     /// The radius of the disc that spreads light as far as the blur does, to a pixel.
     pub const MAX_COC_PX: f64 = 24.0;
 
-    /// Full blur from this distance from the focus plane on, in metres, or from this radius of the circle of
+    /// Blur is full from this distance from the focus plane on, in metres, or from this radius of the circle of
     /// confusion on.
     pub fn new(focal_range: Option<f64>, max_coc_px: Option<f64>) -> Result<Settings> {
         let positive = |name: &str, what: &str, value: f64| {
@@ -79,25 +79,26 @@ impl Settings {
     }
 }
 
-/// A tap along x: it lies between texels `whole` and `whole + 1`, on both sides of the centre.
+/// A tap along x. It lies between texels `whole` and `whole + 1`, on both sides of the centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tap {
-    /// Whole texels from the centre.
+    /// Number of whole texels from the centre.
     pub whole: usize,
-    /// What lies beyond them.
+    /// The fraction of a texel beyond them.
     pub fraction: f32,
-    /// Blurriness from which it counts.
+    /// The blurriness above which it counts.
     pub threshold: f32,
 }
 
-/// What is done to every pixel.
+/// The plan, which is the same for every pixel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
     /// Threshold of the centre along x.
     pub centre_threshold: f32,
     /// Taps along x, on both sides.
     pub taps: [Tap; 6],
-    /// Weights of the texels along y by their distance; those of taps between two texels are shared out.
+    /// Weights of the texels along y by their distance. The weight of a tap between two texels is divided between
+    /// them.
     pub weights: [f32; REACH + 1],
     blurriness: Blurriness,
     optics: Optics,
@@ -131,7 +132,7 @@ impl Plan {
         blurriness.min(1.0) as f32
     }
 
-    /// What blurriness is the amount of, up to 1.
+    /// The signed quantity whose magnitude, limited to 1, is the blurriness.
     pub fn defocus(&self) -> Defocus {
         match self.blurriness {
             Blurriness::CircleOfConfusion { max_coc_px } => {
@@ -142,7 +143,7 @@ impl Plan {
     }
 }
 
-/// Weights of texels by their distance, from those of the centre and of taps between two texels.
+/// Weights of the texels by their distance, from the weights of the centre and of the taps between two texels.
 fn texel_weights(taps: &[f64; 7]) -> [f64; REACH + 1] {
     let mut weights = [0.0; REACH + 1];
     weights[0] = taps[0];
@@ -153,7 +154,7 @@ fn texel_weights(taps: &[f64; 7]) -> [f64; REACH + 1] {
     weights
 }
 
-/// Standard deviation along x and y, in pixels of the picture, of what a fully blurred point becomes.
+/// Standard deviation along x and y, in pixels of the picture, of the image of a fully blurred point.
 pub fn sigma_px() -> [f64; 2] {
     let variance = |taps: &[f64; 7]| {
         let weights = texel_weights(taps);
@@ -161,7 +162,8 @@ pub fn sigma_px() -> [f64; 2] {
         let total = weights[0] + 2.0 * sides().map(|(_, w)| w).sum::<f64>();
         2.0 * sides().map(|(i, w)| (i * i) as f64 * w).sum::<f64>() / total
     };
-    // Halving the size averages two pixels, 1/4 px^2; going back interpolates a quarter between texels, 3/16 texel^2.
+    // Halving the size averages two pixels, 1/4 px^2. Returning to full size interpolates a quarter between texels,
+    // 3/16 texel^2.
     let whole = |texels: f64| (4.0 * (texels + 3.0 / 16.0) + 0.25).sqrt();
     [variance(&THRESHOLDS.map(|t| (1.0 - t).min(1.0))), variance(&WEIGHTS)].map(whole)
 }

@@ -1,52 +1,53 @@
 //! Blur in the shape of a hexagon (or a square), by blurs along its sides in two passes.
 //!
-//! After "A depth of field implementation" (a web log's article of September 2013, which describes the
-//! technique of "Need for Speed: The Run"). Three rhombi that meet in the centre make a hexagon, and a rhombus is a
-//! blur along one of its sides followed by a blur along the other. The first pass leaves two targets, the second
-//! blurs and adds them, and the sum of three equally bright rhombi is divided by three:
+//! After "A depth of field implementation" (a blog article of September 2013, which describes the technique of "Need
+//! for Speed: The Run"). Three rhombi that meet in the centre make a hexagon, and a rhombus is a blur along one of
+//! its sides followed by a blur along the other. The first pass writes two targets. The second pass blurs and adds
+//! them, and divides the sum of the three equally bright rhombi by three:
 //!
 //! ```text
 //! target 1 = A              target 2 = A + B              (blurs of the picture along a and b)
 //! hexagon  = (blur of target 1 along b + blur of target 2 along c) / 3 = (A b + A c + B c) / 3
 //! ```
 //!
-//! The size is each pixel's own, by scatter as gather: a look-up counts if its own circle of confusion reaches the
-//! pixel that is shaded. As the article's comments have it, what is in front of the focus spreads over everything; what is
-//! behind it spreads only over what is behind it too, and has no more than twice its circle of confusion. The first pass
-//! hands on the largest circle of confusion of the near light it gathered, so that the second finds it.
+//! The size is that of each pixel's own circle of confusion, by scatter as gather: a look-up counts if the circle of
+//! confusion of the pixel that is read reaches the pixel that is shaded. As the article's comments say, light in front
+//! of the focus spreads over everything. Light behind the focus spreads only over pixels that are behind it too, and
+//! only if its circle of confusion is no more than twice theirs. The first pass passes on the largest circle of
+//! confusion of the near light that it gathered, so that the second pass can find that light.
 //!
-//! Where the article leaves a choice: light in front is kept apart as colour times coverage, spread evenly over its
-//! line and laid over the rest, so that it fades out; what lies behind its silhouette is the mean of what is not in
-//! front, over the pixel's own hexagon.
+//! Where the article leaves a choice: light in front is kept separate as colour times coverage, spread evenly over
+//! its line and composited over the rest, so that it fades out. The colour behind its silhouette is the mean of
+//! everything that is not in front, over the pixel's own hexagon.
 
 use crate::aperture::Aperture;
 use crate::error::{Result, value_error};
 
-/// Corners that the shape may have.
+/// Number of corners of the shape.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Shape {
     Square,
     Hexagon,
 }
 
-/// The choices that a caller has.
+/// The choices of the caller.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
     shape: Shape,
     /// Direction of the first corner in radians, counter-clockwise on screen from the x axis.
     first_angle: f64,
-    /// Circles of confusion are cut at this radius.
+    /// The limit of the radius of circles of confusion, in pixels.
     pub max_coc_px: f64,
 }
 
 impl Settings {
-    /// The radius that circles of confusion are cut at unless said otherwise.
+    /// The default limit of the radius of circles of confusion.
     pub const MAX_COC_PX: f64 = 64.0;
     /// The article's hexagon: a corner straight up.
     const UPRIGHT: f64 = std::f64::consts::FRAC_PI_2;
 
-    /// A clear opening of four or six blades, the article's upright hexagon if none is given, and the radius at which
-    /// circles of confusion are cut.
+    /// The shape is a clear opening of four or six blades, or the article's upright hexagon if none is given. The
+    /// radius limits circles of confusion.
     pub fn new(aperture: Option<&Aperture>, max_coc_px: f64) -> Result<Settings> {
         if !(max_coc_px.is_finite() && (1.0..=256.0).contains(&max_coc_px)) {
             return Err(value_error!(
@@ -68,35 +69,35 @@ impl Settings {
     }
 }
 
-/// One look-up on the way along a line.
+/// One look-up along a line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tap {
-    /// Columns to the right of the pixel that is shaded.
+    /// Columns to the right of the shaded pixel.
     pub dx: i32,
-    /// Rows below it.
+    /// Rows below the shaded pixel.
     pub dy: i32,
-    /// Part of the step that this pixel stands for: a line passes between two pixels.
+    /// The part of the step that this pixel represents: a line passes between two pixels.
     pub share: f32,
-    /// Radius of the circle of confusion that gets as far as where the step begins.
+    /// Radius of the circle of confusion that just reaches the beginning of the step.
     pub from_px: f32,
-    /// By how much the radius of one that gets as far as its end is larger.
+    /// How much larger the radius is of a circle of confusion that just reaches the end of the step.
     pub step_px: f32,
 }
 
-/// The look-ups along a line, from its pixel on.
+/// The look-ups along a line, starting at its pixel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Line {
-    /// The look-ups, by the step that they belong to.
+    /// The look-ups, in the order of their steps.
     pub taps: Vec<Tap>,
-    /// Look-ups of a step.
+    /// Number of look-ups per step.
     per_step: usize,
     /// One over the radius whose line is as long as one step.
     steps_per_px: f32,
 }
 
 impl Line {
-    /// The look-ups that circles of confusion of all radii from `least` to `most` get past, and then those that only
-    /// some of them reach.
+    /// The look-ups that circles of confusion of all radii from `least` to `most` reach completely, and then those
+    /// that only some of them reach.
     #[inline(always)]
     pub fn split(&self, least_px: f32, most_px: f32) -> (&[Tap], &[Tap]) {
         let reached = self.up_to(most_px, |tap| tap.from_px < most_px);
@@ -104,10 +105,10 @@ impl Line {
         self.taps[..reached].split_at(passed.min(reached))
     }
 
-    /// How many look-ups lie within a radius, as `within` has it of each.
+    /// The number of look-ups within a radius; `within` tests one look-up.
     ///
-    /// Steps are as long as each other, so that their number is known to within a step: halving the line again and
-    /// again for it would be a fourth of all work.
+    /// All steps have the same length, so the number is known to within a step. A binary search for it would take a
+    /// quarter of the whole time.
     #[inline(always)]
     fn up_to(&self, radius_px: f32, within: impl Fn(&Tap) -> bool) -> usize {
         let steps = (radius_px * self.steps_per_px + 0.5) as usize;
@@ -122,16 +123,16 @@ impl Line {
     }
 }
 
-/// What one target of the first pass is made of, and where the second pass takes it.
+/// The lines from which a target of the first pass is gathered, and those along which the second pass spreads it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Target {
-    /// Lines of the picture added to the target before this one.
+    /// Lines of the picture that are added to the previous target.
     pub gathered: Vec<Line>,
-    /// Lines that the second pass blurs this target along.
+    /// Lines along which the second pass blurs this target.
     pub spread: Vec<Line>,
 }
 
-/// Pixels read to the left, right, above and below.
+/// Number of pixels that are read to the left, to the right, above and below.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Margin {
     /// Columns.
@@ -154,12 +155,12 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// The passes for circles of confusion of radius up to `reach_px`.
+    /// The passes for circles of confusion with a radius of up to `reach_px`.
     pub fn new(settings: &Settings, reach_px: f64) -> Plan {
         let turn = std::f64::consts::TAU;
         let line = |turns: f64, length: f64| line(settings.first_angle + turns * turn, length, reach_px);
         let targets = match settings.shape {
-            // Sides as long as the circumradius, every other corner.
+            // The sides are as long as the circumradius and point to every other corner.
             Shape::Hexagon => {
                 let [a, b, c] = [0.0, 1.0 / 3.0, 2.0 / 3.0].map(|turns| line(turns, 1.0));
                 vec![
@@ -167,7 +168,7 @@ impl Plan {
                     Target { gathered: vec![b], spread: vec![c] },
                 ]
             }
-            // Four squares that meet in the centre; their sides are half the whole square's.
+            // Four squares that meet in the centre; their sides are half as long as those of the whole square.
             Shape::Square => {
                 let half_side = std::f64::consts::FRAC_1_SQRT_2;
                 let [a, b, c, d] = [0.125, 0.375, 0.625, 0.875].map(|turns| line(turns, half_side));
@@ -182,7 +183,7 @@ impl Plan {
         Plan { targets, scale: 1.0 / parallelograms as f32 }
     }
 
-    /// How far the second pass reads from a pixel, and how far both passes do.
+    /// The margins that the second pass reads around a pixel, and that both passes together read.
     pub fn margins(&self) -> (Margin, Margin) {
         let of = |lines: fn(&Target) -> &Vec<Line>| {
             let taps = || self.targets.iter().flat_map(lines).flat_map(|line| &line.taps);
@@ -205,13 +206,13 @@ impl Plan {
     }
 }
 
-/// The look-ups by which light is spread along `angle`, as far as `length` times the radius of its circle of confusion.
+/// The look-ups that spread light along `angle`, as far as `length` times the radius of its circle of confusion.
 ///
-/// Light that spreads along the line comes from the other way. Steps are one pixel long along the nearer axis, where
-/// they meet pixel centres. Across it the line is drawn with a brush one pixel wide (two bilinear look-ups, half a pixel
-/// to either side), without which the crossing lines of both passes leave a weave of a tenth of the light. Step `k`
-/// stands for the part of the line within half a step of it, so that the light of a line sums to one whatever its
-/// length.
+/// Light that spreads along the line comes from the opposite direction. Steps are one pixel long along the axis
+/// nearer to the line, so that they meet pixel centres. Across the line, the brush is one pixel wide (two bilinear
+/// look-ups, half a pixel to either side); without it, the crossing lines of both passes leave a weave of a tenth of
+/// the light. Step `k` represents the part of the line within half a step of it, so that the light of a line sums to
+/// one for any length.
 fn line(angle: f64, length: f64, reach_px: f64) -> Line {
     let step = [-angle.cos(), angle.sin()];
     let major = usize::from(step[1].abs() > step[0].abs());
@@ -235,7 +236,7 @@ fn line(angle: f64, length: f64, reach_px: f64) -> Line {
         if along_axis {
             add(k, 0.0, 1.0, part);
         } else if k == 0.0 {
-            // The brush widens with the radius, so that what is in focus stays as it is.
+            // The brush widens with the radius, so that pixels in focus do not change.
             add(k, 0.0, 1.0, [0.0, 0.25]);
             add(k, -1.0, 0.5, [0.25, 0.5]);
             add(k, 1.0, 0.5, [0.25, 0.5]);
@@ -251,7 +252,8 @@ fn line(angle: f64, length: f64, reach_px: f64) -> Line {
     Line { taps, per_step, steps_per_px: (1.0 / radius_of_step) as f32 }
 }
 
-/// Pixels across to a pixel along, below which a line is taken for one along an axis, through pixel centres.
+/// Slope, in pixels across per pixel along, below which a line is taken to be parallel to an axis and to pass through
+/// pixel centres.
 const ALONG_AXIS: f64 = 1e-3;
 
 #[cfg(test)]

@@ -1,13 +1,13 @@
-//! The picture at another size, for each channel its own: lateral colour, and a lens that breathes.
+//! The picture at another size, which may differ between channels: lateral colour, and focus breathing.
 
 use crate::mirror::mirrored;
 
-/// Where a row or column of the output comes from.
+/// The source pixels of a row or column of the output.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Source {
     /// Four neighbours.
     pub places: [usize; 4],
-    /// What each counts.
+    /// The weights of the neighbours.
     pub weights: [f32; 4],
 }
 
@@ -22,7 +22,7 @@ fn weights(f: f64) -> [f32; 4] {
     .map(|w| w as f32)
 }
 
-/// The sources of `n` places under a magnification about `centre`.
+/// The sources of `n` rows or columns under a magnification about `centre`.
 pub fn sources(n: usize, centre: f64, magnification: f64) -> Vec<Source> {
     (0..n)
         .map(|i| {

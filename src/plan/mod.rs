@@ -1,7 +1,7 @@
-//! What to do under one lens: settings, tap tables, weights, tiles and lens samples.
+//! The plans of all methods for one lens: settings, tap tables, weights, tiles and lens samples.
 //!
-//! A method is a file or a folder; [`magnify`] is for whole pictures. Nothing here depends on the device that carries the
-//! plan out: `cpu` and `gpu` have a file of the same name for each.
+//! A method is a file or a folder; [`magnify`] resizes whole pictures. Nothing here depends on the device that
+//! carries the plan out: `cpu` and `gpu` have a file of the same name for each.
 
 pub mod gaussian;
 pub mod hexagonal;

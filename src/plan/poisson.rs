@@ -1,16 +1,16 @@
 //! Taps scattered over each pixel's own circle of confusion.
 //!
 //! After the first half of Riguer, Tatarchuk and Isidoro, "Real-Time Depth of Field Simulation", ShaderX2. A pixel's
-//! blurriness is the diameter of its circle of confusion over the largest one allowed, at most 1. The picture
-//! is averaged over the pixel itself and taps that lie in a Poisson-disc pattern over the circle of the pixel's
-//! blurriness. What is sharp and in front must not leak onto what is blurred behind it: a tap in front of the
-//! pixel counts by its own blurriness.
+//! blurriness is the diameter of its circle of confusion over the largest one allowed, at most 1. The picture is
+//! averaged over the pixel itself and over taps in a Poisson-disc pattern, scaled to the circle of confusion of the
+//! pixel's blurriness. A sharp surface in front must not leak onto a blurred surface behind it, so a tap in front of
+//! the pixel is weighted by its own blurriness.
 //!
-//! The article prints the circle of confusion with the distances of object and focus exchanged; the one used is that
-//! of [`optics`](crate::optics). Its text discards samples *in front*, its listing all that are not farther: the
-//! text is followed, so that a plane facing the camera is blurred like any other. Disparity takes the place
-//! of depth, so that an infinite background can be interpolated. As a lens does, the pattern is turned by 180
-//! degrees behind the focus plane.
+//! The article prints the circle of confusion with the distances of object and focus exchanged; here it is that of
+//! [`optics`](crate::optics). Its text discards samples *in front*, but its listing discards all that are not
+//! farther. The text is followed, so that a plane facing the camera is blurred like any other. Disparity takes the
+//! place of depth, so that an infinite background can be interpolated. As with a real lens, the pattern is turned by
+//! 180 degrees behind the focus plane.
 //!
 //! Its section on bokeh changes the distribution and the weights of the taps.
 
@@ -34,21 +34,21 @@ pub const TWELVE: [[f64; 2]; 12] = [
     [-0.791559, -0.59771],
 ];
 
-/// The most outer taps.
+/// The largest number of outer taps.
 pub const MAX_TAPS: usize = 128;
-/// The largest radius of the circle of confusion that can be asked for, in pixels.
+/// The largest radius of the circle of confusion that may be requested, in pixels.
 const MAX_COC_PX: f64 = 512.0;
-/// Standard deviation of the bell that weighs taps, as a fraction of the way to the rim.
+/// Standard deviation of the Gaussian that weighs taps, as a fraction of the distance from the centre to the rim.
 const BELL: f64 = 0.5;
 
-/// Where light falls within a blurred point.
+/// The distribution of light within a blurred point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Bokeh {
     /// Evenly.
     Uniform,
-    /// On the rim alone.
+    /// Only on the rim.
     Ring,
-    /// More in the middle.
+    /// More towards the centre.
     Gaussian,
     /// More towards the rim.
     Inverse,
@@ -63,7 +63,7 @@ impl Bokeh {
         ("inverse", Bokeh::Inverse),
     ];
 
-    /// Weight of a tap that lies at the fraction `rho` of the way from the centre to the rim.
+    /// Weight of a tap at the fraction `rho` of the distance from the centre to the rim.
     fn weight(self, rho: f64) -> f64 {
         let bell = (-0.5 * (rho / BELL).powi(2)).exp();
         match self {
@@ -75,12 +75,12 @@ impl Bokeh {
     }
 }
 
-/// What taps in front of a pixel count.
+/// The weight of taps in front of a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LeakTest {
-    /// Their own blurriness.
+    /// They are weighted by their own blurriness.
     On = 0,
-    /// As much as all others.
+    /// They are weighted like all other taps.
     Off = 1,
 }
 
@@ -94,7 +94,7 @@ impl LeakTest {
 pub struct Tap {
     /// Columns to the right, in units of the radius of the circle of confusion.
     pub x: f32,
-    /// Rows down, likewise.
+    /// Rows down, in the same units.
     pub y: f32,
     /// Weight, relative to that of the other taps.
     pub weight: f32,
@@ -114,7 +114,8 @@ pub struct Pattern {
 }
 
 impl Pattern {
-    /// `n` outer taps over the opening: the article's own if it is those, else generated.
+    /// `n` outer taps over the opening. They are the article's own if `n` and the opening are the article's, and
+    /// generated otherwise.
     pub fn over(aperture: &Aperture, n: usize, bokeh: Bokeh) -> Result<Pattern> {
         check_count(n)?;
         let places = match bokeh {
@@ -127,8 +128,8 @@ impl Pattern {
         Ok(Pattern { taps, centre: weight([0.0, 0.0]) as f32 })
     }
 
-    /// Taps of the caller's own: columns to the right and rows down in units of the radius, and weights where that of the
-    /// pixel itself is 1.
+    /// Taps given by the caller: columns to the right and rows down in units of the radius, and weights relative to
+    /// the weight 1 of the pixel itself.
     pub fn of(taps: &[[f64; 3]]) -> Result<Pattern> {
         check_count(taps.len())?;
         if let Some(tap) = taps.iter().find(|t| !t.iter().all(|v| v.is_finite()) || t[0].hypot(t[1]) > 1.0) {
@@ -153,16 +154,16 @@ fn check_count(n: usize) -> Result<()> {
     }
 }
 
-/// `n` places that keep away from one another and from the centre, the same each time.
+/// `n` points that keep away from one another and from the centre; the same points each time.
 fn scattered(aperture: &Aperture, n: usize) -> Vec<[f64; 2]> {
     const CANDIDATES: usize = 1024;
     const RELAXATIONS: usize = 4;
-    // Even points over the opening, where the light goes.
+    // Points spread evenly over the opening, where the light goes.
     let candidates = aperture.lens_points(CANDIDATES, Side::Behind);
     let squared = |a: &[f64; 2], b: &[f64; 2]| (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2);
 
-    // Each is the best of many candidates: the one farthest from all before it. A simple sequence picks them, so
-    // that their own order does not show.
+    // Each point is the best of many candidates: the one farthest from all previous points. A simple sequence picks
+    // the candidates, so that their own order does not show.
     let mut sites = vec![[0.0, 0.0]];
     let mut distance: Vec<f64> = candidates.iter().map(|c| squared(c, &sites[0])).collect();
     let mut state = 1u32;
@@ -178,7 +179,8 @@ fn scattered(aperture: &Aperture, n: usize) -> Vec<[f64; 2]> {
         }
     }
 
-    // Then all but the centre move to the middle of what is nearest to them, so that each stands for as much.
+    // Then every point but the centre moves to the mean of the candidates nearest to it, so that all points represent
+    // equal areas.
     for _ in 0..RELAXATIONS {
         let mut sums = vec![[0.0; 3]; sites.len()];
         for c in &candidates {
@@ -195,7 +197,7 @@ fn scattered(aperture: &Aperture, n: usize) -> Vec<[f64; 2]> {
     sites.split_off(1)
 }
 
-/// The choices that a caller has.
+/// The choices of the caller.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
     pattern: Pattern,
@@ -204,11 +206,11 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// The largest radius unless a caller says otherwise: more would need more than twelve taps. The article gives the
-    /// diameter, 10 pixels.
+    /// The default limit of the radius: more would need more than twelve taps. The article gives the diameter, 10
+    /// pixels.
     pub const MAX_COC_PX: f64 = 5.0;
 
-    /// Taps, the radius in pixels that circles of confusion are limited to, and what taps in front count.
+    /// The taps, the limit of the radius of circles of confusion in pixels, and the weight of taps in front.
     pub fn new(pattern: Pattern, max_coc_px: f64, leak_test: LeakTest) -> Result<Settings> {
         if !(max_coc_px > 0.0 && max_coc_px <= MAX_COC_PX) {
             return Err(value_error!(
@@ -219,16 +221,16 @@ impl Settings {
     }
 }
 
-/// What is done to every pixel: `centre + sum of contribution * (tap - centre) / sum of contributions`.
+/// The computation for every pixel: `centre + sum of contribution * (tap - centre) / sum of contributions`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
     /// Outer taps.
     pub taps: Vec<Tap>,
     /// Contribution of the pixel itself.
     pub centre: f32,
-    /// What taps in front count.
+    /// The weight of taps in front.
     pub leak_test: LeakTest,
-    /// Pixels to every side that are read.
+    /// Number of pixels that are read on every side.
     pub margin: usize,
     optics: Optics,
     /// Circles of confusion are limited to this radius.
@@ -243,14 +245,14 @@ impl Plan {
             taps: pattern.taps.clone(),
             centre: pattern.centre,
             leak_test: *leak_test,
-            // A bilinear tap reads the next pixel too; one more makes up for rounding.
+            // A bilinear tap also reads the next pixel; one more pixel allows for rounding.
             margin: max_radius_px.ceil() as usize + 2,
             optics: *optics,
             max_radius_px: *max_radius_px,
         }
     }
 
-    /// By what the pattern is scaled around a pixel of disparity `d`, in pixels: limited, and negative behind the
+    /// The scale of the pattern around a pixel of disparity `d`, in pixels. It is limited, and negative behind the
     /// focus plane.
     #[inline(always)]
     pub fn scale_px(&self, d: f32) -> f32 {
@@ -276,7 +278,7 @@ mod tests {
                 let places = scattered(&aperture, n);
                 assert_eq!(places.len(), n);
                 assert!(places.iter().all(|&l| aperture.rim_fraction(l) <= 1.0 + 1e-6));
-                // Distance between neighbours of the densest packing of as many discs.
+                // Distance between neighbours in the densest packing of as many discs.
                 let packed =
                     (2.0 * std::f64::consts::PI * aperture.relative_area() / 3f64.sqrt() / n as f64).sqrt();
                 let distance = |a: &[f64; 2], b: &[f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
@@ -303,7 +305,7 @@ mod tests {
 
     #[test]
     fn bokeh_moves_weight_outwards_or_inwards() {
-        // The mean distance from the centre of all weight.
+        // The mean distance of the weight from the centre.
         let mean = |bokeh| {
             let Pattern { taps, centre } = Pattern::over(&Aperture::DISC, 64, bokeh).unwrap();
             let at = |t: &Tap| f64::from(t.weight) * f64::from(t.x).hypot(f64::from(t.y));

@@ -1,26 +1,26 @@
 //! Blurred pixels drawn as sprites in the shape of the opening.
 //!
-//! After "Geometry-Shader-Free Bokeh Depth of Field Rendering" (a web log's article of 2012). Pixels whose circle of
-//! confusion is above a threshold are put on a list with their place, colour and circle of confusion, drawn as quads
-//! with the aperture's texture into two accumulation targets of half the size, one for what lies in front of the
-//! focus and one for what lies behind, and resolved over the sharp picture.
+//! After "Geometry-Shader-Free Bokeh Depth of Field Rendering" (a blog article of 2012). Pixels whose circle of
+//! confusion is above a threshold are put on a list with their position, colour and circle of confusion. They are
+//! drawn as quads with the aperture's texture into two accumulation targets of half the size, one for pixels in front
+//! of the focus and one for pixels behind it. The targets are then resolved over the sharp picture.
 //!
-//! The article names two weaknesses of its resolve, which are met here. The layer behind leaks over sharp things:
-//! shown is only the mean of its light, by colour over coverage, and only on pixels that are behind the focus themselves.
-//! The layer in front has hard edges: it is laid over the rest by its coverage, and what lies behind its silhouette
-//! is the mean of what is not in front, over a square as large as the pixel's own circle of confusion. Sprites
-//! set in over the threshold's width instead of all at once.
+//! The article names two weaknesses of its resolve, which are addressed here. The layer behind leaks over sharp
+//! surfaces: here only the mean of its light is shown, as colour over coverage, and only on pixels that are behind
+//! the focus themselves. The layer in front has hard edges: here it is composited over the rest by its coverage, and
+//! the colour behind its silhouette is the mean of everything that is not in front, over a square as large as the
+//! pixel's own circle of confusion. Sprites fade in over the threshold's width instead of appearing all at once.
 
 use crate::aperture::{Aperture, Side};
 use crate::error::{Result, value_error};
 use std::ops::RangeInclusive;
 
-/// Radii are told apart to these steps, below and above [`SMALL_PX`].
+/// Number of steps per pixel to which radii are quantised, below and above [`SMALL_PX`].
 const FINE: f64 = 16.0;
 const COARSE: f64 = 4.0;
 const SMALL_PX: f64 = 4.0;
 
-/// A picture to draw points with; it fills the square around the circle of confusion.
+/// An image with which points are drawn; it fills the square around the circle of confusion.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Texture {
     width: usize,
@@ -42,11 +42,12 @@ impl Texture {
         Ok(Texture { width, values })
     }
 
-    /// How much of each pixel the texture covers when it spans `radius` pixels to either side: `(dx, dy, weight)`.
+    /// The part of each pixel that the texture covers when it spans `radius` pixels to either side:
+    /// `(dx, dy, weight)`.
     fn weights(&self, radius: f64) -> Vec<(i32, i32, f64)> {
         let reach = (radius + 0.5).ceil() as i32;
         let height = self.values.len() / self.width;
-        // Length that texel `i` of `n` shares with the pixel at `d`.
+        // The overlap of texel `i` of `n` with the pixel at `d`, as a length.
         let shared = |d: i32, i: usize, n: usize| {
             let edge = |i: usize| radius * (2.0 * i as f64 / n as f64 - 1.0);
             let (from, to) = (edge(i).max(f64::from(d) - 0.5), edge(i + 1).min(f64::from(d) + 0.5));
@@ -68,16 +69,16 @@ impl Texture {
     }
 }
 
-/// What a point is drawn as.
+/// The shape of a drawn point.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Shape {
     /// The opening of the lens.
     Opening(Aperture),
-    /// Any picture.
+    /// Any image.
     Texture(Texture),
 }
 
-/// The choices that a caller has.
+/// The choices of the caller.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
     shape: Shape,
@@ -86,12 +87,13 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// The threshold and the largest radius unless said otherwise.
+    /// The default threshold.
     pub const THRESHOLD_PX: f64 = 1.0;
-    /// See [`Settings::THRESHOLD_PX`].
+    /// The default limit of the radius of circles of confusion.
     pub const MAX_COC_PX: f64 = 64.0;
 
-    /// A shape, the radius above which pixels are drawn as sprites, and that at which circles of confusion are cut.
+    /// The shape, the radius above which pixels are drawn as sprites, and the limit of the radius of circles of
+    /// confusion.
     pub fn new(shape: Shape, threshold_px: f64, max_coc_px: f64) -> Result<Settings> {
         if !(threshold_px.is_finite() && threshold_px >= 0.5) {
             return Err(value_error!(
@@ -111,27 +113,27 @@ impl Settings {
         self.threshold_px
     }
 
-    /// The radius at which circles of confusion are cut.
+    /// The limit of the radius of circles of confusion.
     pub fn max_coc_px(&self) -> f64 {
         self.max_coc_px
     }
 
-    /// Signed radius of the circle of confusion as it is drawn.
+    /// Signed radius of the circle of confusion after limiting.
     #[inline(always)]
     pub fn cut(&self, coc_px: f64) -> f32 {
         coc_px.clamp(-self.max_coc_px, self.max_coc_px) as f32
     }
 
-    /// How much of a pixel is drawn as a sprite: nothing at the threshold, all at twice that.
+    /// The part of a pixel that is drawn as a sprite: nothing at the threshold, all of it at twice the threshold.
     #[inline(always)]
     pub fn drawn(&self, coc_px: f32) -> f32 {
         (coc_px.abs() / self.threshold_px as f32 - 1.0).clamp(0.0, 1.0)
     }
 
-    /// The sprites of a [step](step) for pixels in even and odd columns, of even rows and then of odd ones.
+    /// The sprites of a [step] for pixels in even and odd columns, first of even rows and then of odd ones.
     pub fn sprites(&self, step: i32) -> [Sprite; 4] {
         let coc = radius(step);
-        // Points in front are drawn turned by half.
+        // Points in front are rotated by 180 degrees.
         let weights: Vec<(i32, i32, f64)> = match &self.shape {
             Shape::Opening(aperture) => aperture
                 .kernel_on(Side::of(-coc), coc)
@@ -156,14 +158,14 @@ impl Settings {
     }
 }
 
-/// The step that a radius is drawn at, with its sign.
+/// The step to which a radius is rounded, with its sign.
 pub fn step(coc_px: f32) -> i32 {
     let (coc, r) = (f64::from(coc_px), f64::from(coc_px.abs()));
     let steps = if r < SMALL_PX { r * FINE } else { SMALL_PX * FINE + (r - SMALL_PX) * COARSE };
     steps.round().copysign(coc) as i32
 }
 
-/// The signed radius that a step stands for.
+/// The signed radius of a step.
 fn radius(step: i32) -> f64 {
     let steps = f64::from(step.abs());
     let small = SMALL_PX * FINE;
@@ -171,22 +173,22 @@ fn radius(step: i32) -> f64 {
     r.copysign(f64::from(step))
 }
 
-/// What one pixel adds to the pixels of a target of half the size.
+/// The contribution of one pixel to the pixels of a target of half the size.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sprite {
-    /// Its first column and row, from the target's pixel that holds the one drawn.
+    /// First column, relative to the pixel of the target that contains the drawn pixel.
     pub left: i32,
-    /// See [`Sprite::left`].
+    /// First row, likewise.
     pub top: i32,
-    /// Weights of a row.
+    /// Number of weights in a row.
     pub across: usize,
-    /// Row by row; all sum to a quarter, the pixel's area in the target.
+    /// Row by row; their sum is a quarter, the pixel's area in the target.
     pub weights: Vec<f32>,
 }
 
 impl Sprite {
-    /// The sprite of a pixel in an even (0) or odd (1) column and row: every pixel of the target has the mean of four,
-    /// the sum of their `quarters`, which lie in these `columns` and `rows`.
+    /// The sprite of a pixel in an even (0) or odd (1) column and row. Every pixel of the target is the mean of four
+    /// pixels, which is the sum of their `quarters`; these lie in the given `columns` and `rows`.
     fn new(
         quarters: &[(i32, i32, f64)],
         [columns, rows]: &[RangeInclusive<i32>; 2],
@@ -203,7 +205,7 @@ impl Sprite {
         Sprite { left, top, across, weights: sums.into_iter().map(|w| w as f32).collect() }
     }
 
-    /// Rows of the target that it covers.
+    /// Number of rows of the target that the sprite covers.
     pub fn down(&self) -> usize {
         self.weights.len() / self.across
     }
@@ -242,7 +244,7 @@ mod tests {
     #[test]
     fn a_texture_is_shared_among_pixels_by_area() {
         let texture = Texture::new(2, vec![1.0, 0.0]).unwrap();
-        // Two pixels to either side: texels two pixels wide and four high.
+        // Two pixels to either side, so that texels are two pixels wide and four high.
         let at = |dx: i32, dy: i32| {
             texture.weights(2.0).into_iter().find(|w| (w.0, w.1) == (dx, dy)).map_or(0.0, |w| w.2)
         };

@@ -1,13 +1,13 @@
-//! A single pass of a few look-ups at fixed places around each pixel.
+//! A single pass of a few look-ups at fixed offsets around each pixel.
 //!
 //! After the "DepthOfField Sample" of Microsoft's DirectX SDK. Every pixel has a blur factor: its distance from the
-//! focus plane times a factor, squared, and capped at 0.75 so that the centre always counts. A look-up is mixed
-//! with the centre's colour by the product of both blur factors: a sharp neighbour adds nothing to a blurred pixel.
-//! Mixing by the centre's factor alone lets it in, which shows as a ring around sharp things.
+//! focus plane times a factor, squared, and limited to 0.75 so that the centre always counts. A look-up is mixed with
+//! the centre's colour by the product of both blur factors, so a sharp neighbour adds nothing to a blurred pixel.
+//! Mixing by the centre's factor alone lets it in, which shows as a ring around sharp surfaces.
 //!
 //! The text fixes the number of look-ups, and the hexagons by their radii of one pixel and of two with nearly equal
-//! spacing; the outer one is therefore turned by half a step here. It leaves the places of the six and of the
-//! four look-ups open, all but the centre's: they lie on a regular polygon of radius one pixel.
+//! spacing; the outer hexagon is therefore rotated by half a step here. The text leaves open the positions of the six
+//! and of the four look-ups, except for the centre; here they are on a regular polygon of radius one pixel.
 
 use crate::error::{Result, value_error};
 use crate::optics::{Defocus, Measure, Optics};
@@ -16,7 +16,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 /// The largest blur factor.
 pub const MAX_BLUR: f64 = 0.75;
 
-/// How many look-ups, and how they are mixed.
+/// The number of look-ups, and how they are mixed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Variant {
     /// The centre and two hexagons.
@@ -41,9 +41,9 @@ impl Variant {
         ("four_rings", Variant::FourRings),
     ];
 
-    /// Look-ups beside the centre, in pixels from it.
+    /// Offsets of the look-ups from the centre, in pixels, without the centre itself.
     fn offsets_px(self) -> Vec<[f64; 2]> {
-        // From the first corner straight up, going round.
+        // The corners of a polygon in order, the first one straight up.
         let polygon = |corners: usize, radius: f64, turn: f64| {
             (0..corners).map(move |i| {
                 let angle = FRAC_PI_2 + turn + TAU * i as f64 / corners as f64;
@@ -58,22 +58,22 @@ impl Variant {
         }
     }
 
-    /// Distance of the farthest look-up.
+    /// Distance of the farthest look-up from the centre.
     fn reach_px(self) -> f64 {
         if self == Variant::Thirteen { 2.0 } else { 1.0 }
     }
 }
 
-/// What the blur factor is the square of.
+/// The quantity whose square is the blur factor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Blur {
-    /// The radius of the circle of confusion over the distance of the farthest look-up.
+    /// The radius of the circle of confusion, divided by the distance of the farthest look-up.
     CircleOfConfusion,
     /// The distance from the focus plane times this factor, per metre.
     Hyperfocal(f64),
 }
 
-/// The choices that a caller has.
+/// The choices of the caller.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
     variant: Variant,
@@ -81,8 +81,8 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Look-ups, and the factor per metre by which a distance from the focus plane becomes a blur factor; without
-    /// it the lens decides.
+    /// The look-ups, and the factor per metre that turns a distance from the focus plane into a blur factor. Without
+    /// it, the circle of confusion of the lens decides.
     pub fn new(variant: Variant, hyperfocal_factor: Option<f64>) -> Result<Settings> {
         if let Some(factor) = hyperfocal_factor
             && !(factor.is_finite() && factor >= 0.0)
@@ -101,12 +101,12 @@ impl Settings {
     }
 }
 
-/// By what a look-up is mixed with the centre.
+/// The factor by which a look-up is mixed with the centre.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mix {
-    /// By the product of both blur factors.
+    /// The product of both blur factors.
     Both = 0,
-    /// By the centre's.
+    /// The centre's blur factor.
     Centre = 1,
 }
 
@@ -127,21 +127,21 @@ impl Tap {
             (left as i32 + i, top as i32 + j, (along(i, right) * along(j, down)) as f32)
         };
         let corners = [corner(0, 0), corner(1, 0), corner(0, 1), corner(1, 1)];
-        // A look-up at the centre of a pixel, or between two, needs no more than those.
+        // A look-up at the centre of a pixel, or between two pixels, needs only those.
         Tap { pixels: corners.into_iter().filter(|(_, _, weight)| *weight > 1e-6).collect() }
     }
 }
 
-/// What is done to every pixel: `centre + share * sum of weight * (tap - centre)`.
+/// The computation for every pixel: `centre + share * sum of weight * (tap - centre)`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
-    /// Look-ups beside the centre.
+    /// Look-ups without the centre.
     pub taps: Vec<Tap>,
-    /// What gives their weights.
+    /// The factor that weighs them.
     pub mix: Mix,
-    /// One over the number of look-ups, the centre among them.
+    /// One over the number of look-ups, including the centre.
     pub share: f32,
-    /// Pixels to every side that are read.
+    /// Number of pixels that are read on every side.
     pub margin: usize,
     blur: Blur,
     reach_px: f64,
@@ -176,7 +176,7 @@ impl Plan {
         (factor * factor).min(MAX_BLUR) as f32
     }
 
-    /// What the blur factor is the square of, up to [`MAX_BLUR`].
+    /// The signed quantity whose square, limited to [`MAX_BLUR`], is the blur factor.
     pub fn defocus(&self) -> Defocus {
         match self.blur {
             Blur::CircleOfConfusion => self.optics.defocus(Measure::Shift, 1.0 / self.reach_px),
@@ -228,11 +228,11 @@ mod tests {
     fn blur_is_the_squared_product_and_capped() {
         let hyperfocal = plan(Variant::Thirteen, Some(0.3));
         assert_eq!(hyperfocal.blur(0.5), 0.0);
-        // At 4 m with the focus at 2 m.
+        // At 4 m, focused at 2 m.
         assert!((hyperfocal.blur(0.25) - 0.36).abs() < 1e-6);
         assert_eq!(hyperfocal.blur(0.0), 0.75);
         let lens = plan(Variant::Thirteen, None);
-        // A circle of confusion of 1 px for look-ups up to 2 px away.
+        // The radius of the circle of confusion is 1 px, and look-ups reach 2 px.
         assert!((lens.blur(0.5 + 0.125) - 0.25).abs() < 1e-6);
         assert_eq!(lens.blur(0.0), 0.75);
         assert_eq!(plan(Variant::Seven, Some(0.0)).blur(0.0), 0.0);

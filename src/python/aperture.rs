@@ -2,7 +2,7 @@
 
 use super::argument;
 use super::lens::cameras::read_camera;
-use super::lens::hash_words;
+use super::lens::hash_text;
 use super::samples::array;
 use crate::aperture::{Aperture, Picture};
 use crate::error::value_error;
@@ -61,14 +61,14 @@ use std::sync::Arc;
 #[pyclass(name = "Aperture", module = "dofsim", frozen, eq)]
 #[derive(Debug, Clone, PartialEq)]
 pub struct PyAperture {
-    words: Words,
+    parameters: Parameters,
     image: Option<Image>,
     pub core: Aperture,
 }
 
-/// The numbers that an aperture was made with.
+/// The parameters from which an aperture was made.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Words {
+struct Parameters {
     blades: u32,
     rotation: f64,
     roundness: f64,
@@ -78,8 +78,8 @@ struct Words {
     spherical: f64,
 }
 
-impl Words {
-    const DISC: Words = Words {
+impl Parameters {
+    const DISC: Parameters = Parameters {
         blades: 0,
         rotation: 0.0,
         roundness: 0.0,
@@ -106,10 +106,10 @@ impl Image {
         Ok(Image { columns: array.ncols(), values: Arc::new(array.iter().copied().collect()) })
     }
 
-    /// Tells pictures of one size apart: in hashes, and in the records of a batch.
+    /// Distinguishes pictures of one size: in hashes, and in the records of a batch.
     fn fingerprint(&self) -> u64 {
         let bytes: Vec<String> = self.values.iter().map(|v| format!("{:x}", (v + 0.0).to_bits())).collect();
-        hash_words(&bytes.join(","))
+        hash_text(&bytes.join(","))
     }
 
     fn array<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
@@ -119,7 +119,7 @@ impl Image {
 
 impl fmt::Display for PyAperture {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (own, disc) = (&self.words, Words::DISC);
+        let (own, disc) = (&self.parameters, Parameters::DISC);
         let mut words = Vec::new();
         if own.blades != disc.blades {
             words.push(format!("blades={}", own.blades));
@@ -162,11 +162,12 @@ impl PyAperture {
         #[pyo3(from_py_with = argument::spherical)] spherical: f64,
         image: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<PyAperture> {
-        let words = Words { blades, rotation, roundness, ratio, obstruction, apodization, spherical };
+        let parameters =
+            Parameters { blades, rotation, roundness, ratio, obstruction, apodization, spherical };
         let image = image.map(Image::read).transpose()?;
         let core = match &image {
             Some(image) => {
-                if words != (Words { ratio, ..Words::DISC }) {
+                if parameters != (Parameters { ratio, ..Parameters::DISC }) {
                     return Err(value_error!(
                         "image is the whole opening: only ratio goes with it; put the rest into the picture"
                     )
@@ -179,7 +180,7 @@ impl PyAperture {
                 .with_obstruction(obstruction)?
                 .with_spherical(spherical)?,
         };
-        Ok(PyAperture { words, image, core: core.with_ratio(ratio)? })
+        Ok(PyAperture { parameters, image, core: core.with_ratio(ratio)? })
     }
 
     /// The aperture of a Blender camera.
@@ -208,7 +209,7 @@ impl PyAperture {
     #[staticmethod]
     fn from_blender(camera: &Bound<'_, PyAny>) -> PyResult<PyAperture> {
         let (blades, rotation, ratio): (f64, f64, f64) = read_camera("blender_aperture", camera)?;
-        // Cycles takes fewer than three blades for none.
+        // Cycles treats fewer than three blades as no blades.
         let blades = if blades < 3.0 { 0 } else { blades as u32 };
         let rotation = match blades {
             0 => 0.0,
@@ -220,43 +221,43 @@ impl PyAperture {
     /// Number of blades; 0 is round.
     #[getter]
     fn blades(&self) -> u32 {
-        self.words.blades
+        self.parameters.blades
     }
 
     /// Rotation in degrees.
     #[getter]
     fn rotation(&self) -> f64 {
-        self.words.rotation
+        self.parameters.rotation
     }
 
     /// How much the blades bulge, 0 to 1.
     #[getter]
     fn roundness(&self) -> f64 {
-        self.words.roundness
+        self.parameters.roundness
     }
 
     /// Height over width.
     #[getter]
     fn ratio(&self) -> f64 {
-        self.words.ratio
+        self.parameters.ratio
     }
 
     /// Part of the way to the rim that is closed.
     #[getter]
     fn obstruction(&self) -> f64 {
-        self.words.obstruction
+        self.parameters.obstruction
     }
 
     /// Standard deviation of the Gaussian transmission, or None.
     #[getter]
     fn apodization(&self) -> Option<f64> {
-        self.words.apodization
+        self.parameters.apodization
     }
 
     /// Spherical aberration, -1 to 1.
     #[getter]
     fn spherical(&self) -> f64 {
-        self.words.spherical
+        self.parameters.spherical
     }
 
     /// The picture of the transmission as it was given, float64, or None.
@@ -280,11 +281,11 @@ impl PyAperture {
     }
 
     fn __hash__(&self) -> u64 {
-        hash_words(&self.to_string())
+        hash_text(&self.to_string())
     }
 
     fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<((), Bound<'py, PyDict>)> {
-        let (words, own) = (PyDict::new(py), &self.words);
+        let (words, own) = (PyDict::new(py), &self.parameters);
         words.set_item("blades", own.blades)?;
         words.set_item("rotation", own.rotation)?;
         words.set_item("roundness", own.roundness)?;

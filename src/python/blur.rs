@@ -1,4 +1,4 @@
-//! Blur on the optical axis, for plots: its radius by distance, and what is sharp.
+//! Blur on the optical axis, for plots: its radius by distance, and the depth of field.
 
 use super::lens::PyLens;
 use crate::error::value_error;

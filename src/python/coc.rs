@@ -1,7 +1,7 @@
 //! `dofsim.coc`.
 
 use super::argument;
-use super::depth::{DepthWords, read_depth, read_depth_kind, read_invalid};
+use super::depth::{DepthArguments, read_depth, read_depth_kind, read_invalid};
 use super::lens::PyLens;
 use super::run::installed;
 use crate::cancel::Cancel;
@@ -51,7 +51,7 @@ pub fn coc<'py>(
     #[pyo3(from_py_with = argument::far)] far: Option<f64>,
     invalid: &str,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let kind = read_depth_kind(&DepthWords { depth_kind, near, far }, &lens.core)?;
+    let kind = read_depth_kind(&DepthArguments { depth_kind, near, far }, &lens.core)?;
     let invalid = read_invalid(invalid)?;
     let planes = read_depth(depth)?;
     let size = Size { width: planes.width, height: planes.height, channels: 1 };
@@ -83,6 +83,6 @@ pub fn coc<'py>(
 fn radius_px(imaging: &Imaging, x: usize, y: usize, disparity: f32) -> f32 {
     let offset = imaging.surface.offset(x as f64, y as f64);
     let shift_px = imaging.optics.shift_px(f64::from(disparity) - offset);
-    // A shift is positive in front of the focus. Adding zero turns a negative zero into a plain one.
+    // A shift is positive in front of the focus. Adding zero turns negative zero into positive zero.
     (0.0 - shift_px) as f32 + 0.0
 }

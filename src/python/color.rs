@@ -1,4 +1,4 @@
-//! Colour: its shape, sample type, encoding and alpha; taken apart into planes of linear, premultiplied `f32`.
+//! Colour: shape, sample type, encoding and alpha; converted to planes of linear, premultiplied `f32`.
 
 use super::errors::choice;
 use super::run::{installed, simd};
@@ -14,18 +14,18 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
-/// What the fourth channel is.
+/// The meaning of the fourth channel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Alpha {
-    /// Coverage that the colours have been multiplied by.
+    /// Coverage, with which the colours have been multiplied.
     Premultiplied,
-    /// Coverage that they have not been multiplied by.
+    /// Coverage, with which the colours have not been multiplied.
     Straight,
     /// A channel like any other.
     None,
 }
 
-/// How colour comes in and goes out.
+/// The format in which the caller gives and receives colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ColorFormat {
     pub sample_type: SampleType,
@@ -36,7 +36,7 @@ pub struct ColorFormat {
 }
 
 impl ColorFormat {
-    /// How many of the channels hold light rather than coverage.
+    /// Number of channels that hold light rather than coverage.
     pub fn lights(&self, size: Size) -> usize {
         size.channels - usize::from(self.alpha != Alpha::None)
     }
@@ -50,7 +50,7 @@ pub struct ColorShape {
     flat: bool,
 }
 
-/// The shape of an array of colour, if it has one.
+/// The shape of an array of colour, if it has a valid one.
 pub fn color_shape(shape: &[usize]) -> PyResult<ColorShape> {
     let (layers, height, width, channels, flat) = match *shape {
         [height, width] => (1, height, width, 1, true),
@@ -87,7 +87,7 @@ pub fn color_shape(shape: &[usize]) -> PyResult<ColorShape> {
 /// Cell offsets are 32-bit integers: a padded frame must stay below 2^31 cells.
 const MAX_SIDE: usize = 32_768;
 
-/// An error if some value is not finite, with how many there are and where the first is.
+/// Returns an error if some value is not finite; it says how many there are and where the first one is.
 fn refuse_infinite(planes: &[f32], size: Size) -> PyResult<()> {
     for (c, plane) in planes.chunks(size.pixels()).enumerate() {
         if let Some(first) = plane.iter().position(|v| !v.is_finite()) {
@@ -103,7 +103,8 @@ fn refuse_infinite(planes: &[f32], size: Size) -> PyResult<()> {
     Ok(())
 }
 
-/// The magnitude of a value as a number that is in order with others' and beyond [`INFINITE`] for what is none.
+/// The magnitude of a value as an integer. Integers are ordered like the magnitudes; those of NaN are above
+/// [`INFINITE`].
 fn magnitude(v: f32) -> u32 {
     v.abs().to_bits()
 }
@@ -111,7 +112,7 @@ fn magnitude(v: f32) -> u32 {
 /// The magnitude of infinity.
 const INFINITE: u32 = f32::INFINITY.to_bits();
 
-/// Takes one layer of interleaved colour apart into planes; also the largest magnitude in it.
+/// Separates one layer of interleaved colour into planes. Also returns the largest magnitude in it.
 fn color_planes<T: Sample>(
     samples: &[T],
     size: Size,
@@ -147,8 +148,8 @@ fn color_planes<T: Sample>(
     (planes, largest)
 }
 
-/// Takes one row of interleaved samples apart, a block of pixels at a time: the compiler makes shuffles of that, where
-/// it would make slow gathers of a loop over all.
+/// Separates one row of interleaved samples, a block of pixels at a time. The compiler turns such a block into
+/// shuffles; it would turn a loop over all pixels into slow gathers.
 #[inline(always)]
 fn separate<T: Sample, const C: usize>(samples: &[T], rows: &mut [&mut [f32]]) {
     const BLOCK: usize = 16;
@@ -165,8 +166,8 @@ fn separate<T: Sample, const C: usize>(samples: &[T], rows: &mut [&mut [f32]]) {
     }
 }
 
-/// The power of two that brings a colour of extreme brightness down to where the sums of many squares are numbers. What
-/// it divides keeps all its bits.
+/// The power of two by which a colour of extreme brightness is divided so that sums of many squares stay finite.
+/// Colours that are divided by it keep all their bits.
 pub fn brighter_than_usual(largest: f32) -> f32 {
     const USUAL_EXPONENT: i32 = 32;
     let exponent = (magnitude(largest) >> 23) as i32 - 127;
@@ -183,7 +184,7 @@ fn scale_by_alpha(planes: &mut [f32], size: Size, scale: impl Fn(f32, f32) -> f3
     });
 }
 
-/// The format of an array of colour: its sample type, and what the caller's words say of its encoding and its alpha.
+/// The format of an array of colour: its sample type, and its encoding and alpha according to the caller's arguments.
 pub fn read_format(
     array: &Bound<'_, PyUntypedArray>,
     shape: &ColorShape,

@@ -1,4 +1,4 @@
-//! Depth: the words that describe it, its planes, and what a lens sees of it.
+//! Depth: the arguments that describe it, its planes, and its disparity for a lens.
 
 use super::errors::choice;
 use super::run::installed;
@@ -12,8 +12,8 @@ use numpy::ndarray::Axis;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-/// The words by which a caller describes depth.
-pub struct DepthWords<'a> {
+/// The arguments by which a caller describes depth.
+pub struct DepthArguments<'a> {
     pub depth_kind: &'a str,
     pub near: Option<f64>,
     pub far: Option<f64>,
@@ -29,30 +29,30 @@ fn positive(name: &str, value: Option<f64>, kind: &str) -> PyResult<f64> {
     }
 }
 
-/// The kind of depth that the words describe, checked against the lens it is for.
-pub fn read_depth_kind(words: &DepthWords, lens: &Lens) -> PyResult<DepthKind> {
-    let kind = read_depth_words(words)?;
+/// The kind of depth that the arguments describe, checked against the lens with which it is used.
+pub fn read_depth_kind(arguments: &DepthArguments, lens: &Lens) -> PyResult<DepthKind> {
+    let kind = read_depth_arguments(arguments)?;
     match (kind, lens.base) {
         (DepthKind::Disparity | DepthKind::Relative, Base::Thin { .. }) => {
             Err(PyValueError::new_err(format!(
                 "depth_kind={:?} is relative and needs a lens made by Lens.from_disparity; metric inverse \
                  depth is depth_kind=\"inverse_z\"",
-                words.depth_kind
+                arguments.depth_kind
             )))
         }
         (DepthKind::Disparity | DepthKind::Relative, Base::Relative { .. }) => Ok(kind),
         (_, Base::Relative { .. }) => Err(PyValueError::new_err(format!(
             "depth_kind={:?} is metric, but the lens was made by Lens.from_disparity, which needs \
              depth_kind=\"disparity\" or \"relative\"",
-            words.depth_kind
+            arguments.depth_kind
         ))),
         (_, Base::Thin { .. }) => Ok(kind),
     }
 }
 
-/// The kind of depth that the words describe.
-pub fn read_depth_words(words: &DepthWords) -> PyResult<DepthKind> {
-    let name = words.depth_kind;
+/// The kind of depth that the arguments describe.
+pub fn read_depth_arguments(arguments: &DepthArguments) -> PyResult<DepthKind> {
+    let name = arguments.depth_kind;
     let names = [
         ("z", DepthKind::Z),
         ("distance", DepthKind::Distance),
@@ -65,17 +65,18 @@ pub fn read_depth_words(words: &DepthWords) -> PyResult<DepthKind> {
     ];
     Ok(match choice("depth_kind", name, &names)? {
         DepthKind::ZBuffer { first, .. } => {
-            let (near, far) = (positive("near", words.near, name)?, positive("far", words.far, name)?);
+            let (near, far) =
+                (positive("near", arguments.near, name)?, positive("far", arguments.far, name)?);
             if far == near {
                 return Err(PyValueError::new_err(format!("far must differ from near ({near}); got {far}")));
             }
             DepthKind::ZBuffer { near, far, first }
         }
         DepthKind::DistanceFromNear { .. } => {
-            DepthKind::DistanceFromNear { near: positive("near", words.near, name)? }
+            DepthKind::DistanceFromNear { near: positive("near", arguments.near, name)? }
         }
         kind => {
-            if words.near.is_some() || words.far.is_some() {
+            if arguments.near.is_some() || arguments.far.is_some() {
                 return Err(PyValueError::new_err(format!(
                     "near and far are for depth_kind=\"zbuffer\", \"opengl_ndc\" and \"distance_from_near\"; got depth_kind={name:?}"
                 )));
@@ -85,7 +86,7 @@ pub fn read_depth_words(words: &DepthWords) -> PyResult<DepthKind> {
     })
 }
 
-/// What to do with values that are no depth.
+/// The treatment of invalid depth.
 pub fn read_invalid(name: &str) -> PyResult<Invalid> {
     choice("invalid", name, &[("raise", Invalid::Raise), ("far", Invalid::Far)])
 }
@@ -97,7 +98,7 @@ pub struct DepthPlanes {
     pub planes: Vec<Buffer<f32>>,
 }
 
-/// Reads depth as it is, without taking it for anything.
+/// Reads raw depth, without interpreting it.
 pub fn read_depth(depth: &Bound<'_, PyAny>) -> PyResult<DepthPlanes> {
     let array = &array("depth", depth)?;
     let sample_type = sample_type("depth", array, false)?;
@@ -122,32 +123,36 @@ pub fn read_depth(depth: &Bound<'_, PyAny>) -> PyResult<DepthPlanes> {
     Ok(DepthPlanes { width, height, planes })
 }
 
-/// The disparity of a picture, and the places of its pixels before a lens.
+/// The disparity of a picture, and the positions of its pixels relative to a lens.
 pub struct SeenDepth {
     pub width: usize,
     pub height: usize,
     disparity: Buffer<f32>,
-    /// For a lens over relative disparity, which has no places, pixels.
+    /// The rays of the pixels. A lens over relative disparity has none; positions are then in pixels.
     rays: Rays,
 }
 
 impl SeenDepth {
-    /// Disparity of a pixel, if it has a depth.
+    /// Disparity of a pixel, if its depth is valid.
     pub fn disparity(&self, x: usize, y: usize) -> Option<f64> {
         let d = self.disparity[y * self.width + x];
         (!d.is_nan()).then_some(f64::from(d))
     }
 
-    /// Where a pixel looks, in focal lengths from the optical axis.
+    /// The position of a pixel, in focal lengths from the optical axis.
     pub fn place(&self, x: usize, y: usize) -> [f64; 2] {
         let Rays { focal_px, centre } = self.rays;
         [(x as f64 - centre[0]) / focal_px, (y as f64 - centre[1]) / focal_px]
     }
 }
 
-/// Reads depth as a lens sees it.
-pub fn read_seen_depth(depth: &Bound<'_, PyAny>, words: &DepthWords, lens: &Lens) -> PyResult<SeenDepth> {
-    let kind = read_depth_kind(words, lens)?;
+/// Reads depth and converts it to disparity for a lens.
+pub fn read_seen_depth(
+    depth: &Bound<'_, PyAny>,
+    arguments: &DepthArguments,
+    lens: &Lens,
+) -> PyResult<SeenDepth> {
+    let kind = read_depth_kind(arguments, lens)?;
     let planes = read_depth(depth)?;
     let (width, height) = (planes.width, planes.height);
     let rays = Frame::plain(width, height).rays(lens);

@@ -1,11 +1,11 @@
-//! `dofsim.devices`, and the words that name a device.
+//! `dofsim.devices`, and the names of devices.
 
 use super::errors::choice;
 use crate::device::Device;
 use crate::gpu::{self, Restrictions, adapters};
 use pyo3::prelude::*;
 
-/// The environment variable that says what "auto" and "gpu" stand for.
+/// The environment variable that determines the meaning of "auto" and "gpu".
 const VARIABLE: &str = "DOFSIM_DEVICE";
 
 /// An adapter that can be computed on; `devices` lists them.

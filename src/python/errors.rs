@@ -12,13 +12,13 @@ impl From<Error> for PyErr {
         match error {
             Error::Value(text) => PyValueError::new_err(text),
             Error::Device(text) => DeviceError::new_err(text),
-            // The signal that asked for it raises its own exception; this is for a stop without one.
+            // The signal that caused the stop raises its own exception; this is for a stop without a signal.
             Error::Cancelled => PyKeyboardInterrupt::new_err("the render was interrupted"),
         }
     }
 }
 
-/// A value as an error shows it: as Python writes it, but no longer than a line.
+/// The text of a value in an error message: as Python writes it, but no longer than a line.
 pub fn shown(value: &Bound<'_, PyAny>) -> String {
     const LONGEST: usize = 80;
     let text = value.repr().map_or_else(|_| value.get_type().to_string(), |repr| repr.to_string());
@@ -28,7 +28,7 @@ pub fn shown(value: &Bound<'_, PyAny>) -> String {
     }
 }
 
-/// The value that a name stands for, among those accepted.
+/// The value of a name, which must be among those accepted.
 pub fn choice<T: Copy>(argument: &str, name: &str, accepted: &[(&str, T)]) -> PyResult<T> {
     let found = accepted.iter().find(|(n, _)| *n == name).map(|(_, value)| *value);
     found.ok_or_else(|| {

@@ -1,4 +1,4 @@
-//! Bindings of [`crate::files`], for `dofsim.io` alone: paths and contiguous arrays in, arrays out.
+//! Bindings of [`crate::files`], only for `dofsim.io`: paths and contiguous arrays in, arrays out.
 
 use super::samples::viewable;
 use crate::color::{Sample, Transfer};
@@ -10,13 +10,13 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use std::path::PathBuf;
 
-/// Refusals of the system become `OSError` with its number, so that Python picks the subclass; all else is
-/// about the file or the arguments and becomes `ValueError`.
+/// Errors of the system become `OSError` with their number, so that Python picks the subclass. All other errors are
+/// about the file or the arguments, and become `ValueError`.
 impl From<FileError> for PyErr {
     fn from(error: FileError) -> Self {
         match &error.problem {
             Problem::Io(source) => {
-                // The system's words without Rust's "(os error 2)" after them.
+                // The system's message, without the "(os error 2)" that Rust appends.
                 let words = source.to_string();
                 let words = words.split(" (os error").next().unwrap_or_default().to_owned();
                 PyOSError::new_err((source.raw_os_error(), words, error.path.into_os_string()))
@@ -26,7 +26,7 @@ impl From<FileError> for PyErr {
     }
 }
 
-/// An array handed to Python.
+/// An array that is returned to Python.
 pub struct Pixmap<'py>(Bound<'py, PyUntypedArray>);
 
 impl<'py> IntoPyObject<'py> for Pixmap<'py> {
@@ -40,7 +40,7 @@ impl<'py> IntoPyObject<'py> for Pixmap<'py> {
 }
 
 impl<'py> Pixmap<'py> {
-    /// Shape (height, width) for one channel, (height, width, channels) for more.
+    /// The shape is (height, width) for one channel, and (height, width, channels) for more.
     fn new(py: Python<'py>, raster: files::Raster) -> PyResult<Self> {
         fn shaped<'py, T: Element>(
             py: Python<'py>,
@@ -63,7 +63,8 @@ impl<'py> Pixmap<'py> {
     }
 }
 
-/// A C-contiguous array of shape (height, width) or (height, width, channels) in one of the types written.
+/// A C-contiguous array of shape (height, width) or (height, width, channels), in one of the types that can be
+/// written.
 pub enum Contiguous<'py> {
     U8(PyReadonlyArrayDyn<'py, u8>),
     U16(PyReadonlyArrayDyn<'py, u16>),
@@ -323,7 +324,7 @@ impl Transfers {
         Self { shape, channels }
     }
 
-    /// The functions of all samples of a picture, in their order.
+    /// The transfer functions of all samples of a picture, in order.
     fn each(&self) -> impl Iterator<Item = Transfer> {
         self.channels.iter().copied().cycle()
     }

@@ -1,4 +1,4 @@
-//! The picture and its depth as the caller gave them, before a lens is known.
+//! The picture and its depth as the caller gave them, without a lens.
 
 use super::color::{ColorFormat, brighter_than_usual, color_shape, read_format, read_layer_color};
 use super::depth::read_depth;
@@ -13,11 +13,11 @@ use pyo3::prelude::*;
 use std::borrow::Cow;
 use std::sync::Arc;
 
-/// Colour and depth, read but not yet seen through a lens.
+/// Colour and depth as they were read, before they are used with a lens.
 pub struct Input {
     pub size: Size,
     pub format: ColorFormat,
-    /// By what the colours that came in are brighter than those that are rendered, a power of two.
+    /// The factor by which the given colours are brighter than the rendered ones; a power of two.
     pub brighter: f32,
     /// Colour planes of each layer.
     color: Vec<Arc<Buffer<f32>>>,
@@ -64,7 +64,7 @@ impl Input {
         self.color.len()
     }
 
-    /// The picture in disparity. Kinds of depth along the ray need `rays`.
+    /// The picture with disparity. Kinds of depth that are measured along the ray need `rays`.
     pub fn picture(&self, kind: DepthKind, rays: Option<Rays>, invalid: Invalid) -> PyResult<Picture> {
         let size = self.size;
         let layered = self.color.len() > 1;
@@ -79,7 +79,7 @@ impl Input {
             .iter()
             .zip(&self.depth)
             .map(|(color, depth)| {
-                // Where a layer has no surface its depth means nothing.
+                // Where a layer has no surface, its depth is meaningless.
                 let mut depth = Cow::Borrowed(depth);
                 if layered {
                     let alpha = &color[size.pixels() * (size.channels - 1)..];

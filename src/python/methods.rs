@@ -1,4 +1,4 @@
-//! The methods by name, and the options that each of them takes.
+//! The methods by name, and their options.
 
 use super::aperture::PyAperture;
 use super::argument::{Argument, argument};
@@ -16,10 +16,10 @@ use pyo3::types::PyDict;
 /// Reads the options of one method.
 type Read = fn(&mut Options<'_, '_>) -> PyResult<Method>;
 
-/// A method by name: what reads its options, and the ways in which the opening may differ from a clear disc.
+/// A method by name: the function that reads its options, and the deviations from a clear disc that it can render.
 type Entry = (&'static str, (Read, &'static [Feature]));
 
-/// The methods there are. What the lens itself may do under which is told by [`Method::check`].
+/// All methods. [`Method::check`] determines which properties of the lens a method supports.
 const METHODS: [Entry; 7] = {
     use Feature::{Apodization, Blades, Image, Obstruction, Ratio, Roundness, Spherical};
     const ANY: &[Feature] = &[Blades, Roundness, Ratio, Obstruction, Apodization, Spherical, Image];
@@ -40,7 +40,7 @@ pub fn methods_available() -> Vec<&'static str> {
     METHODS.iter().map(|(name, _)| *name).collect()
 }
 
-/// The method of this name with these options, none of which may be left over.
+/// The method of this name with these options; an option that it does not have is an error.
 pub fn read_method(
     name: &str,
     aperture: Option<&PyAperture>,
@@ -54,7 +54,7 @@ pub fn read_method(
     Ok(method)
 }
 
-/// Refuses openings that the method cannot draw.
+/// Refuses apertures that the method cannot render.
 fn refuse_features(method: &str, aperture: Option<&PyAperture>, accepted: &[Feature]) -> Result<()> {
     let Some(aperture) = aperture else { return Ok(()) };
     let names = |features: &mut dyn Iterator<Item = Feature>| {
@@ -110,7 +110,7 @@ fn is_no_integer(value: &Bound<'_, PyAny>) -> bool {
     value.extract::<i64>().is_err_and(|error| error.is_instance_of::<PyTypeError>(value.py()))
 }
 
-/// An array of shape (N, 2) or (N, 3), or nested sequences like it; the third column is 1 if there is none.
+/// An array of shape (N, 2) or (N, 3), or nested sequences of this form. A missing third column is 1.
 fn read_points(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 3]>> {
     let rows: Option<Vec<Vec<f64>>> = given.call_method0("tolist").as_ref().unwrap_or(given).extract().ok();
     let points = rows.and_then(|rows| {
@@ -167,7 +167,7 @@ fn read_sprites(options: &mut Options) -> PyResult<Method> {
     Ok(Method::Sprites(sprites::Settings::new(shape, threshold_px, max_coc_px)?))
 }
 
-/// The options that a caller gave; what reads one also makes it known. None stands for an option not given.
+/// The options that a caller gave. Reading an option marks it as known. None stands for an option that was not given.
 struct Options<'a, 'py> {
     method: &'a str,
     aperture: Option<&'a PyAperture>,
@@ -182,18 +182,18 @@ impl<'py> Options<'_, 'py> {
         Ok(value.filter(|value| !value.is_none()))
     }
 
-    /// A value of one type.
+    /// An option of one type.
     fn value<T: Argument>(&mut self, name: &'static str) -> PyResult<Option<T>> {
         self.get(name)?.map(|value| argument(name, &value)).transpose()
     }
 
-    /// One of the words accepted.
+    /// An option with one of the accepted names.
     fn word<T: Copy>(&mut self, name: &'static str, accepted: &[(&str, T)]) -> PyResult<Option<T>> {
         let word: Option<String> = self.value(name)?;
         word.map(|word| choice(name, &word, accepted)).transpose()
     }
 
-    /// A two-dimensional array of numbers: its columns, and its values row by row.
+    /// An option that is a two-dimensional array of numbers: its number of columns, and its values row by row.
     fn plane(&mut self, name: &'static str) -> PyResult<Option<(usize, Vec<f64>)>> {
         let Some(value) = self.get(name)? else { return Ok(None) };
         let refused = |_| {
@@ -213,7 +213,7 @@ impl<'py> Options<'_, 'py> {
         self.aperture.map_or(Aperture::DISC, |a| a.core.clone())
     }
 
-    /// Refuses what is not an option of the method.
+    /// Refuses options that the method does not have.
     fn refuse_others(&self) -> PyResult<()> {
         for name in self.given.iter().flat_map(|given| given.keys()) {
             let name: String = name.extract()?;

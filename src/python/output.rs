@@ -1,4 +1,4 @@
-//! Where pictures go: an array of the caller's, or a new one, in the caller's own dtype and format.
+//! The destination of pictures: an array of the caller's or a new one, in the caller's dtype and colour format.
 
 use super::color::{Alpha, ColorFormat};
 use super::run::{detached, simd};
@@ -21,26 +21,26 @@ use pyo3::prelude::*;
 use pyo3::types::PyCapsule;
 use rayon::prelude::*;
 
-/// Pixels that a worker takes at a time.
-const AT_ONCE: usize = 1 << 12;
-/// Pixels of one channel that are encoded together, as a vector.
+/// Number of pixels that a worker takes at a time.
+const CHUNK_PIXELS: usize = 1 << 12;
+/// Number of pixels of one channel that are encoded together, in vectors.
 const BLOCK: usize = 16;
 
-/// Pictures that are to be rendered, and where they go.
+/// The pictures that are to be rendered, and their destination.
 pub struct Output<'a> {
     pub format: &'a ColorFormat,
     /// The size that is rendered.
     pub rendered: Size,
-    /// What rendered colours are to be multiplied by.
+    /// The factor by which rendered colours are to be multiplied.
     pub brighter: f32,
-    /// Pixels on every side that are left out.
+    /// Number of pixels on every side that are left out.
     pub margin: usize,
-    /// How many pictures, along an axis of their own, if they have one.
+    /// The number of pictures, if they have an axis of their own.
     pub stacked: Option<usize>,
 }
 
 impl Output<'_> {
-    /// The caller's array `out`, or a new one, with what `render` puts into the slices that it is given: a picture each, interleaved, linear and
+    /// Returns the caller's array `out`, or a new one. `render` fills one slice per picture: interleaved, linear and
     /// premultiplied.
     pub fn fill<'py, R: Send>(
         &self,
@@ -59,7 +59,7 @@ impl Output<'_> {
         })
     }
 
-    /// The size of what is left of a picture.
+    /// The size of a picture without its margin.
     fn size(&self) -> Size {
         let side = |n: usize| n - 2 * self.margin;
         let Size { width, height, channels } = self.rendered;
@@ -124,19 +124,19 @@ impl Output<'_> {
         })
     }
 
-    /// From linear and premultiplied to what the caller has.
+    /// Encodes linear, premultiplied pixels in the caller's format.
     fn encode(&self, simd: Simd, pixels: &mut [f32]) {
         let ColorFormat { alpha, transfer, .. } = *self.format;
         if alpha != Alpha::Straight && transfer == Transfer::Linear && self.brighter == 1.0 {
             return;
         }
         let lights = self.format.lights(self.rendered);
-        pixels.par_chunks_mut(AT_ONCE * self.rendered.channels).for_each(|pixels| {
+        pixels.par_chunks_mut(CHUNK_PIXELS * self.rendered.channels).for_each(|pixels| {
             with_channels!(self.rendered.channels, C => simd.run(#[inline(always)] || self.encode_pixels::<C>(lights, pixels)));
         });
     }
 
-    /// Some pixels, whose first `lights` channels are light.
+    /// Encodes some pixels, whose first `lights` channels hold light.
     #[inline(always)]
     fn encode_pixels<const C: usize>(&self, lights: usize, pixels: &mut [f32]) {
         let ColorFormat { alpha, transfer, .. } = *self.format;
@@ -149,7 +149,7 @@ impl Output<'_> {
         }
         for c in 0..lights {
             let curve = if c < 3 { transfer } else { Transfer::Linear };
-            // Unmixed colours may be brighter than all that came in.
+            // Unmixed colours may be brighter than all input colours.
             let encoded = |v: f32| curve.encode((v * self.brighter).clamp(f32::MIN, f32::MAX));
             let (blocks, rest) = pixels.as_chunks_mut::<BLOCK>();
             for block in blocks {
@@ -179,7 +179,7 @@ impl Output<'_> {
     }
 }
 
-/// A new array whose memory, when it is freed, is left to the next render.
+/// A new array. When it is freed, its memory is kept for the next render.
 fn new_array<'py, T: Element + Pod + Send>(
     py: Python<'py>,
     shape: &[usize],

@@ -1,4 +1,4 @@
-//! Running the core off the interpreter lock: worker threads, interruption, panics.
+//! Runs the core without holding the interpreter lock: worker threads, interruption, panics.
 
 use crate::cancel::Cancel;
 use crate::error::Result;
@@ -11,31 +11,33 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// How often a running render looks for Ctrl-C.
+/// The interval at which a running render checks for Ctrl-C.
 const SIGNAL_INTERVAL: Duration = Duration::from_millis(50);
-/// More threads than this are taken for a slip.
+/// A larger number of threads is refused as a mistake.
 const MAX_THREADS: usize = 1024;
 
 /// The worker threads of a process. A forked child has none of its parent's, so it makes its own.
 struct Workers {
     process: u32,
-    /// Those of all renders that do not say how many they want: side by side, such renders share the processors.
+    /// The workers of all renders without a `threads` argument: if they run at the same time, they share the
+    /// processors.
     rendering: Option<Arc<ThreadPool>>,
-    /// Those of short work under the interpreter lock. Others may be busy for long, and whoever waited for them with the
-    /// lock in hand would keep all of Python waiting.
+    /// The workers for short work that holds the interpreter lock. The others may be busy for long; waiting for them
+    /// while holding the lock would stop all of Python.
     reading: Option<Arc<ThreadPool>>,
-    /// Those that calls which do say have left, the longest idle first.
+    /// The workers that calls with a `threads` argument have left, the longest idle first.
     idle: Vec<Arc<ThreadPool>>,
 }
 
-/// The workers of this process. They are looked after under the interpreter lock, so that no fork comes in between.
+/// The workers of this process. They are accessed under the interpreter lock only, so that no fork comes in between.
 fn workers() -> MutexGuard<'static, Workers> {
     const NONE: Workers = Workers { process: 0, rendering: None, reading: None, idle: Vec::new() };
     static WORKERS: Mutex<Workers> = Mutex::new(NONE);
     let mut workers = WORKERS.lock().unwrap_or_else(PoisonError::into_inner);
     let process = std::process::id();
     if workers.process != process {
-        // Nobody is there to be told to stop, and who was may have held locks that telling would wait for.
+        // The threads do not exist in this process, and the locks that telling them to stop would need may be held
+        // forever.
         std::mem::forget(std::mem::replace(&mut *workers, Workers { process, ..NONE }));
     }
     workers
@@ -48,7 +50,7 @@ struct Team {
 }
 
 impl Team {
-    /// So many workers that no other call has: those of a pool all wait for the work of one.
+    /// A team of `threads` workers that no other call uses: the workers of a pool all wait for the work of one call.
     fn of(threads: usize) -> PyResult<Team> {
         let mut workers = workers();
         let found = workers.idle.iter().rposition(|pool| pool.current_num_threads() == threads);
@@ -67,7 +69,7 @@ impl Drop for Team {
         }
         let mut workers = workers();
         workers.idle.push(Arc::clone(&self.pool));
-        // No more wait for work than could do some, beside those that have just done it.
+        // No more workers are kept waiting than there are processors, or than have just finished.
         let most = processors().max(self.pool.current_num_threads());
         let mut waiting: usize = workers.idle.iter().map(|pool| pool.current_num_threads()).sum();
         while waiting > most {
@@ -76,7 +78,7 @@ impl Drop for Team {
     }
 }
 
-/// As many workers as there are processors for this process.
+/// A pool with as many workers as there are processors for this process.
 fn for_all(pool: &mut Option<Arc<ThreadPool>>) -> PyResult<Arc<ThreadPool>> {
     let threads = processors();
     match pool {
@@ -92,12 +94,12 @@ fn started(threads: usize) -> PyResult<Arc<ThreadPool>> {
         .map_err(|e| PyRuntimeError::new_err(format!("could not start {threads} worker threads: {e}")))
 }
 
-/// Processors that this process may use.
+/// Number of processors that this process may use.
 fn processors() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// The workers of a call: as many of its own as it asks for, else those that are there for all.
+/// The workers of a call: a team of its own if it asks for a number, otherwise the shared workers.
 fn team(threads: Option<usize>) -> PyResult<Team> {
     match threads {
         None => Ok(Team { pool: for_all(&mut workers().rendering)?, own: false }),
@@ -129,7 +131,7 @@ pub fn detached<T: Send>(
             let cancel = &cancel;
             scope.spawn(move || {
                 let result = pool.install(|| catch_unwind(AssertUnwindSafe(|| work(cancel))));
-                // The receiver lives until the result is in.
+                // The receiver lives until it has received the result.
                 let _ = sender.send(result);
             });
             let mut interruption = None;

@@ -23,7 +23,7 @@ pub enum SampleType {
     U16,
 }
 
-/// Runs a generic function for the sample type at hand.
+/// Runs a generic function with the given sample type.
 macro_rules! with_sample_type {
     ($sample_type:expr, $t:ident => $call:expr) => {
         match $sample_type {
@@ -52,7 +52,7 @@ macro_rules! with_sample_type {
 }
 pub(super) use with_sample_type;
 
-/// The array that a caller gave for the argument `name`, as it is.
+/// The caller's array for the argument `name`, as it is.
 pub fn given<'a, 'py>(name: &str, value: &'a Bound<'py, PyAny>) -> PyResult<&'a Bound<'py, PyUntypedArray>> {
     value.cast::<PyUntypedArray>().map_err(|_| {
         let kind = value.get_type();
@@ -110,7 +110,8 @@ pub fn view<T: Element, R>(
     Ok(read(typed.as_array()))
 }
 
-/// Does `work` with the samples of an array in row-major order, copied if they are not, on the workers that are set.
+/// Runs `work`, on the current workers, with the samples of an array in row-major order. They are copied if they are
+/// not.
 pub fn in_order<T: Sample + Pod, R: Send>(
     view: &ArrayViewD<'_, T>,
     work: impl FnOnce(&[T]) -> R + Send,
@@ -121,7 +122,7 @@ pub fn in_order<T: Sample + Pod, R: Send>(
     }
 }
 
-/// The samples of an array of rows of pixels, or of values, in row-major order, whatever its strides.
+/// The samples of an array of pixel rows, or of values, in row-major order, whatever its strides.
 fn ordered<T: Sample + Pod>(view: &ArrayViewD<'_, T>) -> Buffer<T> {
     let mut samples = Buffer::unset(view.len());
     let length = view.len() / view.len_of(Axis(0));

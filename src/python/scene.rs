@@ -3,14 +3,14 @@
 use super::aperture::PyAperture;
 use super::argument::{self, argument};
 use super::color::ColorFormat;
-use super::depth::{DepthWords, read_depth_kind, read_depth_words, read_invalid};
+use super::depth::{DepthArguments, read_depth_arguments, read_depth_kind, read_invalid};
 use super::devices::read_device;
 use super::errors::DeviceError;
-use super::frame::Frame;
 use super::input::Input;
 use super::lens::PyLens;
 use super::methods::read_method;
 use super::output::Output;
+use super::output_grid::OutputGrid;
 use super::run::simd;
 use crate::depth::{DepthKind, Invalid, Rays};
 use crate::device::Device;
@@ -48,23 +48,25 @@ use std::sync::{Arc, Mutex, PoisonError};
 #[pyclass(name = "Scene", module = "dofsim", frozen)]
 pub struct PyScene {
     input: Input,
-    frame: Frame,
+    grid: OutputGrid,
     device: Device,
     kind: DepthKind,
-    depth_words: (String, Option<f64>, Option<f64>),
+    depth_arguments: (String, Option<f64>, Option<f64>),
     invalid: Invalid,
-    /// The picture in disparity on its device, with the rays that it was converted with, where they matter.
+    /// The picture with disparity on its device, and the rays with which it was converted, if the conversion needs
+    /// them.
     renderer: Mutex<Option<(Option<Rays>, Arc<Renderer>)>>,
 }
 
 impl PyScene {
-    /// The picture in disparity, as this lens needs it.
+    /// The renderer of the picture, with the disparity that this lens needs.
     fn renderer(&self, lens: &Lens) -> PyResult<Arc<Renderer>> {
-        let (depth_kind, near, far) = (self.depth_words.0.as_str(), self.depth_words.1, self.depth_words.2);
-        read_depth_kind(&DepthWords { depth_kind, near, far }, lens)?;
+        let (depth_kind, near, far) =
+            (self.depth_arguments.0.as_str(), self.depth_arguments.1, self.depth_arguments.2);
+        read_depth_kind(&DepthArguments { depth_kind, near, far }, lens)?;
         let size = self.input.size;
-        let rays = self.frame.geometry(size).rays(lens).filter(|_| self.kind.needs_rays());
-        // As for the layers of a scene, the lock is not held over parallel work.
+        let rays = self.grid.geometry(size).rays(lens).filter(|_| self.kind.needs_rays());
+        // As with the layers of a scene, the lock is not held over parallel work.
         let cached = || self.renderer.lock().unwrap_or_else(PoisonError::into_inner);
         let at_hand =
             cached().as_ref().filter(|(made_with, _)| *made_with == rays).map(|(_, s)| Arc::clone(s));
@@ -72,7 +74,7 @@ impl PyScene {
             return Ok(renderer);
         }
         let picture = self.input.picture(self.kind, rays, self.invalid)?;
-        let renderer = Arc::new(Renderer::new(picture, self.format().lights(size), self.frame.supersample));
+        let renderer = Arc::new(Renderer::new(picture, self.format().lights(size), self.grid.supersample));
         *cached() = Some((rays, Arc::clone(&renderer)));
         Ok(renderer)
     }
@@ -81,8 +83,8 @@ impl PyScene {
         &self.input.format
     }
 
-    /// The scene through lenses that differ in their focus alone, as an array, and the passes that made it. The
-    /// pictures have an axis of their own if `stacked` says how many there are.
+    /// Renders the scene through lenses that differ only in their focus, and returns an array and the GPU passes. The
+    /// pictures have an axis of their own if `stacked` gives their number.
     fn rendered<'py>(
         &self,
         py: Python<'py>,
@@ -96,17 +98,17 @@ impl PyScene {
         for lens in lenses.iter().take(1) {
             method.check(lens, self.input.layers(), self.format().lights(size))?;
         }
-        let geometry = self.frame.geometry(size);
+        let geometry = self.grid.geometry(size);
         let imagings: Vec<Imaging> =
             lenses.iter().map(|lens| geometry.imaging(lens)).collect::<crate::error::Result<_>>()?;
         let renderer = self.renderer(&lenses[0])?;
         let (simd, device) = (simd()?, self.device);
-        let rendered = self.frame.resolved(size);
+        let rendered = self.grid.resolved(size);
         let output = Output {
             format: self.format(),
             rendered,
             brighter: self.input.brighter,
-            margin: self.frame.overscan,
+            margin: self.grid.overscan,
             stacked,
         };
         output.fill(py, out, threads, |outs, cancel| {
@@ -114,7 +116,7 @@ impl PyScene {
         })
     }
 
-    /// The scene through one lens.
+    /// Renders the scene through one lens.
     pub fn picture<'py>(
         &self,
         py: Python<'py>,
@@ -147,12 +149,12 @@ impl PyScene {
         #[pyo3(from_py_with = argument::supersample)] supersample: usize,
     ) -> PyResult<PyScene> {
         let device = read_device(color.py(), device)?;
-        let kind = read_depth_words(&DepthWords { depth_kind, near, far })?;
+        let kind = read_depth_arguments(&DepthArguments { depth_kind, near, far })?;
         let invalid = read_invalid(invalid)?;
         let input = Input::read(color, depth, alpha, transfer)?;
-        let frame = Frame::new(input.size, overscan, supersample)?;
-        let depth_words = (depth_kind.to_owned(), near, far);
-        Ok(PyScene { input, frame, device, kind, depth_words, invalid, renderer: Mutex::new(None) })
+        let grid = OutputGrid::new(input.size, overscan, supersample)?;
+        let depth_arguments = (depth_kind.to_owned(), near, far);
+        Ok(PyScene { input, grid, device, kind, depth_arguments, invalid, renderer: Mutex::new(None) })
     }
 
     /// The scene through a lens.
@@ -236,7 +238,7 @@ impl PyScene {
         let focused = distances.iter().map(|&distance| match lens.core.base {
             Base::Thin { aperture_radius, fov, fov_axis, .. } => {
                 let lens_there = Lens::thin(aperture_radius, distance, fov, fov_axis)?;
-                lens_there.mounted(lens.core.mount)?.flawed(lens.core.aberrations)
+                lens_there.mounted(lens.core.mount)?.with_aberrations(lens.core.aberrations)
             }
             Base::Relative { .. } => lens.core.focused_at_disparity(distance),
         });

@@ -1,4 +1,4 @@
-//! The colour of a layer's cells: planes as they came, and the few cells that differ from them.
+//! The colours of a layer's cells: planes as the caller gave them, and a list of the few cells that differ from them.
 
 use crate::memory::Buffer;
 use crate::picture::Size;
@@ -6,9 +6,9 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// A cell with a colour of its own.
+/// A cell whose colour is listed.
 #[derive(Clone, Copy)]
-pub struct Own {
+pub struct CellColor {
     pub index: usize,
     pub color: [f32; 4],
 }
@@ -17,53 +17,53 @@ pub struct Own {
 #[derive(Clone)]
 pub struct Colors {
     size: Size,
-    /// Planes of the frame; none where all cells are listed.
+    /// Planes of the frame; absent if all cells are listed.
     planes: Option<Arc<Buffer<f32>>>,
-    /// The cells that differ, by rising index.
-    own: Vec<Own>,
+    /// The listed cells, sorted by index.
+    listed: Vec<CellColor>,
 }
 
 impl Colors {
     /// Colours as planes.
     pub fn new(size: Size, planes: Arc<Buffer<f32>>) -> Colors {
-        Colors { size, planes: Some(planes), own: Vec::new() }
+        Colors { size, planes: Some(planes), listed: Vec::new() }
     }
 
-    /// Colours of these cells only, zero elsewhere.
-    pub fn of_cells(size: Size, own: Vec<Own>) -> Colors {
-        Colors { size, planes: None, own: Vec::new() }.with(own)
+    /// Colours of these cells only; zero elsewhere.
+    pub fn of_cells(size: Size, listed: Vec<CellColor>) -> Colors {
+        Colors { size, planes: None, listed: Vec::new() }.with(listed)
     }
 
-    /// The same, but for these cells, each of which is listed once.
-    pub fn with(&self, mut changes: Vec<Own>) -> Colors {
+    /// The same colours except for these cells. Each cell is listed once.
+    pub fn with(&self, mut changes: Vec<CellColor>) -> Colors {
         changes.par_sort_unstable_by_key(|cell| cell.index);
-        let own = if self.own.is_empty() { changes } else { merged(&self.own, &changes) };
-        Colors { size: self.size, planes: self.planes.clone(), own }
+        let listed = if self.listed.is_empty() { changes } else { merged(&self.listed, &changes) };
+        Colors { size: self.size, planes: self.planes.clone(), listed }
     }
 
-    /// These channels alone.
+    /// Only these channels.
     pub fn of_channels(&self, channels: &[usize]) -> Colors {
         let n = self.size.pixels();
         let planes = self.planes.as_ref().map(|planes| {
             let kept: Vec<_> = channels.iter().map(|&c| &planes[c * n..][..n]).collect();
             Arc::new(Buffer::concat(&kept))
         });
-        let own = self.own.iter().map(|cell| Own {
+        let listed = self.listed.iter().map(|cell| CellColor {
             index: cell.index,
             color: std::array::from_fn(|i| channels.get(i).map_or(0.0, |&c| cell.color[c])),
         });
-        Colors { size: Size { channels: channels.len(), ..self.size }, planes, own: own.collect() }
+        Colors { size: Size { channels: channels.len(), ..self.size }, planes, listed: listed.collect() }
     }
 
-    /// The rows of these pixels alone, of a frame of this size.
+    /// Only these pixels, which are whole rows and form a frame of this size.
     pub fn rows(&self, pixels: Range<usize>, size: Size) -> Colors {
         let planes = self.planes.as_ref().map(|planes| {
             let of_plane = planes.chunks(self.size.pixels()).map(|plane| &plane[pixels.clone()]);
             Arc::new(Buffer::concat(&of_plane.collect::<Vec<_>>()))
         });
-        let own = self.own(pixels.clone()).iter();
-        let own = own.map(|cell| Own { index: cell.index - pixels.start, ..*cell }).collect();
-        Colors { size, planes, own }
+        let listed = self.listed(pixels.clone()).iter();
+        let listed = listed.map(|cell| CellColor { index: cell.index - pixels.start, ..*cell }).collect();
+        Colors { size, planes, listed }
     }
 
     /// Whether only listed cells have a colour.
@@ -71,16 +71,16 @@ impl Colors {
         self.planes.is_none()
     }
 
-    /// The listed cells from one pixel to another.
-    pub fn own(&self, pixels: Range<usize>) -> &[Own] {
-        let place = |index: usize| self.own.partition_point(|cell| cell.index < index);
-        &self.own[place(pixels.start)..place(pixels.end)]
+    /// The listed cells in a range of pixels.
+    pub fn listed(&self, pixels: Range<usize>) -> &[CellColor] {
+        let place = |index: usize| self.listed.partition_point(|cell| cell.index < index);
+        &self.listed[place(pixels.start)..place(pixels.end)]
     }
 
     /// The colour of one cell.
     pub fn at(&self, index: usize) -> [f32; 4] {
-        match (self.own.binary_search_by_key(&index, |cell| cell.index), &self.planes) {
-            (Ok(i), _) => self.own[i].color,
+        match (self.listed.binary_search_by_key(&index, |cell| cell.index), &self.planes) {
+            (Ok(i), _) => self.listed[i].color,
             (Err(_), None) => [0.0; 4],
             (Err(_), Some(planes)) => std::array::from_fn(|c| {
                 if c < self.size.channels { planes[c * self.size.pixels() + index] } else { 0.0 }
@@ -88,7 +88,7 @@ impl Colors {
         }
     }
 
-    /// Copies a stretch of row `y`, that of each channel `pitch` values after the one before.
+    /// Copies a range of columns of row `y`. Each channel is written `pitch` values after the previous one.
     pub fn copy_row(&self, y: usize, columns: Range<usize>, pitch: usize, out: &mut [f32]) {
         let (start, n) = (y * self.size.width + columns.start, columns.len());
         for c in 0..self.size.channels {
@@ -98,7 +98,7 @@ impl Colors {
                 None => out.fill(0.0),
             }
         }
-        for cell in self.own(start..start + n) {
+        for cell in self.listed(start..start + n) {
             for c in 0..self.size.channels {
                 out[c * pitch + cell.index - start] = cell.color[c];
             }
@@ -112,7 +112,7 @@ impl Colors {
             Some(planes) => Buffer::clone(planes),
             None => Buffer::full(n * self.size.channels, 0.0),
         };
-        for cell in &self.own {
+        for cell in &self.listed {
             for c in 0..self.size.channels {
                 all[c * n + cell.index] = cell.color[c];
             }
@@ -121,8 +121,8 @@ impl Colors {
     }
 }
 
-/// Cells of two lists by rising index; of one that stands in both, the later.
-fn merged(earlier: &[Own], later: &[Own]) -> Vec<Own> {
+/// Merges two lists sorted by index. If a cell is in both lists, the later one wins.
+fn merged(earlier: &[CellColor], later: &[CellColor]) -> Vec<CellColor> {
     let mut all = Vec::with_capacity(earlier.len() + later.len());
     let mut rest = earlier.iter().peekable();
     for cell in later {
@@ -144,9 +144,9 @@ mod tests {
     fn listed_cells_win_over_planes_and_later_ones_over_earlier() {
         let size = Size { width: 3, height: 2, channels: 2 };
         let planes = Arc::new((0..12).map(|v| v as f32).collect::<Buffer<_>>());
-        let own = |index: usize, v: f32| Own { index, color: [v, -v, 0.0, 0.0] };
+        let cell = |index: usize, v: f32| CellColor { index, color: [v, -v, 0.0, 0.0] };
         let colors =
-            Colors::new(size, planes).with(vec![own(4, 50.0), own(1, 20.0)]).with(vec![own(4, 60.0)]);
+            Colors::new(size, planes).with(vec![cell(4, 50.0), cell(1, 20.0)]).with(vec![cell(4, 60.0)]);
         assert_eq!(colors.at(0), [0.0, 6.0, 0.0, 0.0]);
         assert_eq!(colors.at(4), [60.0, -60.0, 0.0, 0.0]);
         let mut row = [0.0; 4];

@@ -1,5 +1,5 @@
-//! Bounds of depth in blocks of pixels: the coarse level of the min/max depth hierarchy (Hi-Z) that rays are culled
-//! with. The fine level is in `cpu/lens/culling.rs`.
+//! Bounds of depth in blocks of pixels: the coarse level of the min/max depth hierarchy (Hi-Z) with which rays are
+//! culled. The fine level is in `cpu/lens/culling.rs`.
 
 use super::depth_codes::DepthCodes;
 use super::depth_spans::DepthSpans;
@@ -10,7 +10,7 @@ use crate::simd::Simd;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// A set of depths, one bit for each high byte of their codes.
+/// A set of depths: one bit for each value of a code's high byte.
 pub type DepthBits = [u64; 4];
 
 /// Whether any of the bins `from ..= to` is set.
@@ -29,21 +29,21 @@ pub fn unite(into: &mut DepthBits, bits: &DepthBits) {
     into.iter_mut().zip(bits).for_each(|(into, bits)| *into |= bits);
 }
 
-/// The blocks of a frame, in rows of `across`.
+/// The blocks of a frame; a row has `across` of them.
 pub struct DepthBounds {
     pub across: usize,
     pub down: usize,
-    /// How many layers there are.
+    /// Number of layers.
     pub layers: usize,
-    /// For each block, then each layer: the depths that occur.
+    /// For each block, then each layer: the set of depths that occur.
     pub occupied: Vec<DepthBits>,
     /// For each block: least and greatest code over all layers.
     pub range: Vec<(u16, u16)>,
-    /// For each block: the steepest cell, in codes, where all is one closed surface in the first layer.
+    /// For each block: the largest span of a cell, in codes, if the block is one closed surface in the first layer.
     pub smooth: Vec<Option<u16>>,
 }
 
-/// What the cells of one layer in one block are.
+/// The depths of the cells of one layer in one block.
 struct Summary {
     /// Least and greatest code.
     range: (u16, u16),
@@ -52,13 +52,13 @@ struct Summary {
     whole: bool,
 }
 
-/// One pass over a stretch of cells.
+/// Adds a run of cells to a summary.
 #[inline(always)]
 fn summarize(lo: &[u16], hi: &[u16], summary: &mut Summary) {
     let (mut least, mut greatest, mut steepest, mut whole) =
         (summary.range.0, summary.range.1, summary.steepest, summary.whole);
     for (&lo, &hi) in lo.iter().zip(hi) {
-        // An empty cell's code of 0 becomes the greatest of all, and does not count.
+        // The code of an empty cell is 0. Subtracting 1 makes it the greatest of all, so that it does not count.
         least = least.min(lo.wrapping_sub(1));
         greatest = greatest.max(hi);
         steepest = steepest.max(hi - lo);
@@ -68,7 +68,7 @@ fn summarize(lo: &[u16], hi: &[u16], summary: &mut Summary) {
 }
 
 impl DepthBounds {
-    /// The blocks of the unpadded frame. `connectivity` are those of the first layer, if it has any.
+    /// The blocks of the unpadded frame. `connectivity` is that of the first layer, if it has any.
     pub fn new(
         size: Size,
         depths: &[DepthSpans],
@@ -95,7 +95,7 @@ impl DepthBounds {
                         }
                     },
                 );
-                // The first layer has to be whole for a smooth block, the others empty.
+                // A smooth block has a cell at every pixel of the first layer and no cell in the others.
                 smooth &= if k == 0 { own.whole } else { own.range.1 == 0 };
                 if own.range.1 == 0 {
                     continue;
@@ -108,8 +108,8 @@ impl DepthBounds {
                         occupied[k][usize::from(bin >> 6)] |= 1 << (bin & 63);
                     }
                 };
-                // Two neighbouring bins are both in use when the extremes lie in them; and where all bins span less
-                // than a pixel, knowing them one by one would not save a single look.
+                // If the extremes lie in two neighbouring bins, both bins are in use. If all bins together span less
+                // than a pixel, telling them apart would not avoid a single look-up.
                 if (hi >> 8) - (lo >> 8) <= 1 || hi - lo < codes_per_px {
                     set(lo, hi);
                 } else {

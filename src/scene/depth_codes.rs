@@ -1,11 +1,11 @@
-//! Depths as 16-bit codes.
+//! Depth as 16-bit codes.
 
-/// Shifts as codes: `s = s_min + (code - 1) * step`. Code 0 is never a depth.
+/// The coding of shifts: `s = s_min + (code - 1) * step`. Code 0 is never a depth.
 #[derive(Debug, Clone, Copy)]
 pub struct DepthCodes {
     pub s_min: f64,
     step: f64,
-    /// DepthCodes are made in single precision, which is enough: 24 bits for 16.
+    /// Encoding is done in single precision, which is enough: 24 bits for 16.
     least: f32,
     per_px: f32,
 }
@@ -20,7 +20,7 @@ impl DepthCodes {
 
     #[inline(always)]
     pub fn encode(&self, s: f32) -> u16 {
-        // Adding 2^23 rounds to an integer, which is then what the lowest bits hold.
+        // Adding 2^23 rounds to an integer, which the lowest bits then hold.
         const TWO_TO_23: f32 = 8_388_608.0;
         let code = (s - self.least) * self.per_px;
         let code = if code > 0.0 { code } else { 0.0 };
@@ -28,12 +28,12 @@ impl DepthCodes {
         (code + TWO_TO_23).to_bits() as u16 + 1
     }
 
-    /// The shift that a code, or a place between codes, stands for.
+    /// The shift of a code, or of a position between two codes.
     pub fn decode(&self, code: f64) -> f64 {
         self.s_min + (code - 1.0) * self.step
     }
 
-    /// Where a shift lies between codes; undoes [`DepthCodes::decode`].
+    /// The position of a shift on the scale of codes; the inverse of [`DepthCodes::decode`].
     pub fn place(&self, s: f64) -> f64 {
         (s - self.s_min) / self.step + 1.0
     }

@@ -1,6 +1,6 @@
 //! The interval of depth that every cell spans, as 16-bit codes.
 //!
-//! A cell is a column of depths from `lo` to `hi`: a surface stays closed when every cell reaches half-way to its
+//! A cell spans the depths from `lo` to `hi`. A surface stays closed because every cell reaches half-way to its
 //! neighbours.
 
 use super::depth_codes::DepthCodes;
@@ -12,7 +12,7 @@ use crate::simd::Simd;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Cells of a row that are looked at together.
+/// Number of cells of a row that are processed together.
 pub const CHUNK: usize = 64;
 
 /// Least and greatest shift of all cells.
@@ -22,20 +22,20 @@ pub fn shift_range(layers: &[SceneLayer]) -> (f64, f64) {
     if min <= max { (f64::from(min), f64::from(max)) } else { (0.0, 0.0) }
 }
 
-/// A cell's place in the layers: layer and pixel.
+/// The position of a cell: its layer and its pixel.
 #[derive(Clone, Copy)]
 pub struct Cell {
     pub layer: usize,
     pub index: usize,
 }
 
-/// The cells that continue the surface of `cell` at the four neighbours.
+/// The neighbouring cells, at the four adjacent pixels, that continue the surface of `cell`.
 pub fn neighbours(layers: &[SceneLayer], size: Size, cell: Cell) -> impl Iterator<Item = Cell> + '_ {
     let (width, height) = (size.width, size.height);
     let (x, y, p) = (cell.index % width, cell.index / width, cell.index);
     let own = &layers[cell.layer];
     let s = own.s[p];
-    // The pixel that owns the connection to the neighbour, and its bit.
+    // For each neighbour: its pixel, the pixel that stores the connection to it, and the bit of that connection.
     let sides = [
         (x > 0).then(|| (p - 1, p - 1, RIGHT)),
         (x + 1 < width).then(|| (p + 1, p, RIGHT)),
@@ -45,7 +45,7 @@ pub fn neighbours(layers: &[SceneLayer], size: Size, cell: Cell) -> impl Iterato
     sides.into_iter().flatten().filter_map(move |(q, owner, bit)| {
         let near = |layer: &SceneLayer| (layer.s[q] - s).abs() < CONNECTED_PX;
         let connected_steeply = || {
-            // Connectivity speak of plain pixels, and only those away from edges are sure to be plain.
+            // Connectivity describes unmixed pixels, and only pixels away from edges are certain to be unmixed.
             !own.connectivity.is_empty()
                 && own.connectivity[owner] & bit != 0
                 && (own.connectivity[p] | own.connectivity[q]) & EDGE == 0
@@ -59,7 +59,7 @@ pub fn neighbours(layers: &[SceneLayer], size: Size, cell: Cell) -> impl Iterato
     })
 }
 
-/// A row of a plane between those above and below it, which at the border of the frame are the row itself.
+/// A row of a plane with the rows above and below it. At the border of the frame, the row itself stands in for them.
 #[derive(Clone, Copy)]
 pub struct Rows<'a> {
     pub above: &'a [f32],
@@ -81,7 +81,7 @@ impl<'a> Rows<'a> {
         first..chunk.end.min(self.row.len() - 1).max(first)
     }
 
-    /// These cells and their neighbours to the left, to the right, above and below.
+    /// These cells, and their neighbours to the left, to the right, above and below.
     #[inline(always)]
     pub fn cross(&self, inner: &Range<usize>) -> (&'a [f32], [&'a [f32]; 4]) {
         let (n, at) = (inner.len(), inner.start);
@@ -92,7 +92,8 @@ impl<'a> Rows<'a> {
         (&self.row[at..][..n], around.map(|row| &row[..n]))
     }
 
-    /// Which cells of a chunk have all four neighbours in their own layer and close by, as nearly all have.
+    /// Which cells of a chunk have all four neighbours in their own layer and at nearly their own depth. Nearly all
+    /// cells do.
     #[inline(always)]
     pub fn plain(&self, chunk: &Range<usize>) -> [bool; CHUNK] {
         let mut plain = [false; CHUNK];
@@ -112,13 +113,13 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// The chunks of a stretch of a row.
+/// The chunks of a range of columns.
 pub fn chunks(stretch: Range<usize>) -> impl Iterator<Item = Range<usize>> {
     let end = stretch.end;
     stretch.step_by(CHUNK).map(move |x| x..(x + CHUNK).min(end))
 }
 
-/// The depths of one layer's cells; both codes are 0 where there is none.
+/// The depth spans of one layer's cells. Both codes are 0 where there is no cell.
 pub struct DepthSpans {
     pub lo: Buffer<u16>,
     pub hi: Buffer<u16>,
@@ -155,7 +156,8 @@ impl DepthSpans {
     }
 }
 
-/// The depths of the plain cells of a chunk, and which these are; `None` where the chunk is empty.
+/// Writes the depth spans of the plain cells of a chunk and returns which cells these are; `None` if the chunk is
+/// empty.
 #[inline(always)]
 fn plain_depths(
     rows: &Rows,
@@ -180,7 +182,7 @@ fn plain_depths(
     Some(rows.plain(chunk))
 }
 
-/// The depths of any cell.
+/// The depth span of any cell.
 fn depth_of(layers: &[SceneLayer], size: Size, cell: Cell, codes: &DepthCodes) -> (u16, u16) {
     let s = layers[cell.layer].s[cell.index];
     if s.is_nan() {

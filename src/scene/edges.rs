@@ -2,11 +2,11 @@
 
 use rayon::prelude::*;
 
-/// Two neighbours closer than this in shift belong together: within half a pixel of either's own place.
+/// Neighbours whose shifts differ by less are on one surface: half-way between them is within half a pixel of either.
 pub const CONNECTED_PX: f32 = 1.0;
 
-/// How far a surface may leave its own linear continuation and still be the same surface. The disparity of a
-/// plane is linear over the picture, so a plane however steep continues itself exactly.
+/// Tolerance for the linear continuation of a surface: neighbours that deviate less are still on one surface. The
+/// disparity of a plane is linear over the picture, so the continuation of a plane is exact, however steep it is.
 const CONTINUES_PX: f32 = 0.5;
 
 /// The pixel and its right neighbour are on one surface.
@@ -16,8 +16,8 @@ pub const DOWN: u8 = 2;
 /// A surface ends somewhere in the pixel's 3x3 neighbourhood: its colour may mix two surfaces.
 pub const EDGE: u8 = 4;
 
-/// Whether neighbours with shifts `a` and `b` are on one surface, `before` and `after` being the next ones on
-/// the line through them.
+/// Whether neighbours with shifts `a` and `b` are on one surface. `before` and `after` are the next pixels on the
+/// line through them.
 fn connected(before: f32, a: f32, b: f32, after: f32) -> bool {
     (b - a).abs() < CONNECTED_PX
         || (b - (2.0 * a - before)).abs() < CONTINUES_PX
@@ -38,7 +38,7 @@ pub fn connectivity(s: &[f32], width: usize, height: usize) -> Vec<u8> {
             broken
         })
         .collect();
-    // A broken connection makes edges of the pixels whose 3x3 neighbourhood holds it.
+    // A broken connection makes edge pixels of all pixels whose 3x3 neighbourhood contains it.
     for (i, bit) in broken {
         let (x, y) = (i % width, i / width);
         let (columns, rows) = if bit == RIGHT {
@@ -55,8 +55,8 @@ pub fn connectivity(s: &[f32], width: usize, height: usize) -> Vec<u8> {
     connectivity
 }
 
-/// Where two rows of shifts are farther apart than a step on one surface. Few are, so that whole groups are asked
-/// first.
+/// The positions at which two rows of shifts differ by more than neighbours on one surface may. Such positions are
+/// rare, so whole groups are tested first.
 fn steps(a: &[f32], b: &[f32]) -> Vec<usize> {
     const GROUP: usize = 32;
     let far = |a: &f32, b: &f32| (b - a).abs() >= CONNECTED_PX;
@@ -70,11 +70,11 @@ fn steps(a: &[f32], b: &[f32]) -> Vec<usize> {
     steps
 }
 
-/// The connectivity of row `y` that join no surface, as pixel and bit.
+/// The connections of row `y` that do not join one surface, as pixel and bit.
 fn broken_connections(s: &[f32], width: usize, height: usize, y: usize) -> Vec<(usize, u8)> {
     let row = &s[y * width..][..width];
     let mut broken = Vec::new();
-    // A missing `before` or `after` predicts a flat surface.
+    // At the border, where `before` or `after` is missing, the prediction is a surface of constant disparity.
     for x in steps(row, &row[1..]) {
         if !connected(row[x.saturating_sub(1)], row[x], row[x + 1], row[(x + 2).min(width - 1)]) {
             broken.push((y * width + x, RIGHT));
@@ -93,7 +93,7 @@ fn broken_connections(s: &[f32], width: usize, height: usize, y: usize) -> Vec<(
     broken
 }
 
-/// The largest distance told apart by [`distance_to_edges`].
+/// The largest distance that [`distance_to_edges`] can represent.
 const FAR_PX: u8 = 48;
 /// Rows whose distances are found together.
 const BAND: usize = 96;
@@ -103,7 +103,7 @@ pub fn distance_to_edges(connectivity: &[u8], width: usize) -> Vec<u8> {
     let rows = connectivity.len() / width;
     let mut distance = vec![FAR_PX; connectivity.len()];
     distance.par_chunks_mut(width * BAND).enumerate().for_each(|(band, out)| {
-        // Edges of the neighbouring bands count as far as distances are told apart.
+        // Edges in the neighbouring bands matter up to the largest distance that can be represented.
         let first = (band * BAND).saturating_sub(usize::from(FAR_PX));
         let end = ((band + 1) * BAND + usize::from(FAR_PX)).min(rows);
         let near = &connectivity[first * width..end * width];
@@ -111,7 +111,7 @@ pub fn distance_to_edges(connectivity: &[u8], width: usize) -> Vec<u8> {
             return;
         }
         let mut d: Vec<u8> = near.iter().map(|l| if l & EDGE != 0 { 0 } else { FAR_PX }).collect();
-        // Two sweeps, each carrying distances on from the row before and along the row.
+        // Two sweeps. Each propagates distances from the previous row and along the row.
         for y in 0..end - first {
             let (before, row) = d.split_at_mut(y * width);
             carry_over(before.rchunks(width).next(), &mut row[..width]);
@@ -130,7 +130,7 @@ pub fn distance_to_edges(connectivity: &[u8], width: usize) -> Vec<u8> {
     distance
 }
 
-/// Distances as the row beside knows them.
+/// Updates the distances of a row from those of an adjacent row.
 fn carry_over(beside: Option<&[u8]>, row: &mut [u8]) {
     let Some(beside) = beside else { return };
     let n = row.len();
@@ -145,7 +145,7 @@ fn carry_over(beside: Option<&[u8]>, row: &mut [u8]) {
     }
 }
 
-/// A distance as the pixel before knows it.
+/// Updates the distance of a pixel from that of the previous pixel in the row.
 fn carry_on(last: &mut u8, d: &mut u8) {
     *d = (*d).min(*last + 1);
     *last = *d;

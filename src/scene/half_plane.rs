@@ -1,7 +1,7 @@
 //! Coverage of a pixel by a straight edge.
 
-/// A partly covered pixel as a half-plane: `normal . f <= cut` holds for the part of the pixel (`f` from its
-/// centre, within half a pixel) that is covered.
+/// A partly covered pixel as a half-plane. The covered part of the pixel satisfies `normal . f <= cut`, where `f` is
+/// measured from the pixel's centre and lies within half a pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HalfPlane {
     pub normal: [f32; 2],
@@ -22,17 +22,18 @@ impl HalfPlane {
     /// The half-plane of the given unit normal that covers the fraction `area` of the pixel.
     pub fn with_area(normal: [f32; 2], area: f32) -> HalfPlane {
         let (p, q) = (normal[0].abs().min(normal[1].abs()), normal[0].abs().max(normal[1].abs()));
-        // How far the line has moved in from the corner: the area grows as a triangle, then as a band.
+        // How far the line has moved in from the corner: the area grows first as a triangle, then as a band.
         let small = area.min(1.0 - area);
         let moved = if small <= 0.5 * p / q { (2.0 * p * q * small).sqrt() } else { small * q + 0.5 * p };
         let cut = moved - 0.5 * (p + q);
         HalfPlane { normal, cut: if area <= 0.5 { cut } else { -cut }, area }
     }
 
-    /// The half-plane of a pixel with this coverage, out of the coverage around it (rows of three, y down).
+    /// The half-plane of a pixel with this coverage, from the coverage of its 3x3 neighbourhood (rows of three, y
+    /// down).
     ///
-    /// Where the gradient tells no direction, as in hair, one is drawn from the position: any direction has the
-    /// right area.
+    /// Where the gradient gives no direction, as in hair, one is drawn from the position: any direction has the right
+    /// area.
     pub fn from_coverage(around: [[f32; 3]; 3], index: usize) -> HalfPlane {
         let sobel = |v: [[f32; 3]; 3]| -> f32 {
             (0..3).map(|i| [1.0, 2.0, 1.0][i] * (v[i][2] - v[i][0])).sum::<f32>()
@@ -64,7 +65,7 @@ mod tests {
         fn the_area_of_a_half_plane_is_what_it_was_made_for(turn in 0.0..7.0f32, area in 0.0..1.0f32) {
             let plane = HalfPlane::with_area([turn.cos(), turn.sin()], area);
             prop_assert!((area_below(plane.normal, plane.cut) - area).abs() < 1e-5);
-            // What lies on one side does not lie on the other.
+            // The opposite half-plane covers the rest of the pixel.
             let other = area_below(plane.normal.map(|n| -n), -plane.cut);
             prop_assert!((other - (1.0 - area)).abs() < 1e-5);
         }

@@ -1,4 +1,4 @@
-//! Bright cells: those that outshine their surroundings, whatever is in focus.
+//! Highlights: cells that are much brighter than their surroundings, whatever is in focus.
 
 use super::colors::Colors;
 use super::grid::BLOCK;
@@ -7,13 +7,13 @@ use crate::picture::Size;
 use crate::simd::Simd;
 use rayon::prelude::*;
 
-/// A cell is a highlight when it is brighter than this many times its surroundings. A sample of 512 then changes a
-/// pixel of the disc by one hundredth of the surroundings when it comes or goes.
+/// A cell is a highlight when it is brighter than this many times its surroundings. At this limit, one lens sample of
+/// 512 that appears or disappears changes a pixel of the disc by one hundredth of the surroundings.
 pub const HIGHLIGHT_RATIO: f32 = 5.0;
-/// Blocks on each side whose mean is "the surroundings".
+/// Number of blocks on each side whose mean is taken for the surroundings.
 const AROUND: usize = 2;
 
-/// Channels that hold light: the last of two or four is coverage, which is not brighter or darker.
+/// Number of channels that hold light: the last of two or four is coverage, which has no brightness.
 fn light_channels(size: Size) -> usize {
     if size.channels == 2 { 1 } else { size.channels.min(3) }
 }
@@ -41,7 +41,7 @@ impl Light {
     }
 }
 
-/// The light of every block of the frame, for telling what stands out.
+/// The light of every block of the frame, for finding the highlights.
 struct BlockLight {
     size: Size,
     across: usize,
@@ -50,12 +50,13 @@ struct BlockLight {
     light: Vec<Light>,
     /// The brightest cell.
     brightest: Vec<f32>,
-    /// What is brighter than this is a highlight.
+    /// The brightness above which a cell is a highlight.
     limit: Vec<f32>,
 }
 
 impl BlockLight {
-    /// The surroundings of a layer's cells: first of all cells, then of those not much brighter than that.
+    /// The surroundings of a layer's cells. A first pass averages all cells, a second pass those that are not
+    /// brighter than the limit of the first.
     fn new(size: Size, colors: &Colors, simd: Simd) -> BlockLight {
         let (across, down) = (size.width.div_ceil(BLOCK), size.height.div_ceil(BLOCK));
         let lights = light_channels(size);
@@ -91,7 +92,7 @@ impl BlockLight {
         all
     }
 
-    /// The mean colour of the blocks around a block, itself among them.
+    /// The mean colour of the blocks around a block, including the block itself.
     fn around(&self, b: usize) -> [f32; 4] {
         let (bx, by) = (b % self.across, b / self.across);
         let columns = bx.saturating_sub(AROUND)..(bx + AROUND + 1).min(self.across);
@@ -102,7 +103,7 @@ impl BlockLight {
         light.mean()
     }
 
-    /// The limits that traverse from the light at hand.
+    /// The brightness limits that follow from the light of the blocks.
     fn limits(&self) -> Vec<f32> {
         let limit = |b: usize| HIGHLIGHT_RATIO * brightness(&self.around(b), light_channels(self.size));
         (0..self.light.len()).into_par_iter().map(limit).collect()
@@ -121,7 +122,7 @@ impl BlockLight {
     }
 }
 
-/// Adds a row of the frame, all channels one after another, to the blocks that it crosses.
+/// Adds a row of the frame, one channel after another, to the blocks that it crosses.
 #[inline(always)]
 fn add_row(row: &[f32], width: usize, lights: usize, blocks: &mut [(Light, f32)]) {
     for (bx, (light, brightest)) in blocks.iter_mut().enumerate() {
@@ -140,22 +141,22 @@ fn add_row(row: &[f32], width: usize, lights: usize, blocks: &mut [(Light, f32)]
     }
 }
 
-/// A cell that stands out, whatever is in focus.
+/// A highlight, whatever is in focus.
 #[derive(Clone, Copy)]
 pub struct Bright {
     pub index: usize,
-    /// Its colour without the light above its surroundings.
+    /// Its colour without the excess of light over its surroundings.
     pub dim: [f32; 4],
-    /// That light, of the part of the pixel that the cell covers.
+    /// That excess, multiplied by the part of the pixel that the cell covers.
     pub excess: [f32; 4],
 }
 
-/// The cells of each layer that stand out.
+/// Finds the highlights of each layer.
 pub fn find(size: Size, layers: &[SceneLayer], simd: Simd) -> Vec<Vec<Bright>> {
     let lights = light_channels(size);
     let front = BlockLight::new(size, &layers[0].colors, simd);
     let of_layer = |(i, layer): (usize, &SceneLayer)| {
-        // A real layer has surroundings of its own: the one in front may be dark, or hardly there.
+        // A layer given by the user has surroundings of its own: the layer in front may be dark, or almost absent.
         let own = (i > 0 && !layer.colors.is_list()).then(|| BlockLight::new(size, &layer.colors, simd));
         let brighter = |b: usize| match &own {
             Some(own) if own.limit[b] > front.limit[b] => own,
@@ -166,7 +167,7 @@ pub fn find(size: Size, layers: &[SceneLayer], simd: Simd) -> Vec<Vec<Bright>> {
             bright > brighter(front.block_of(index)).limit[front.block_of(index)]
         };
         let found: Vec<usize> = if layer.colors.is_list() {
-            let cells = layer.colors.own(0..size.pixels()).par_iter().map(|cell| cell.index);
+            let cells = layer.colors.listed(0..size.pixels()).par_iter().map(|cell| cell.index);
             cells.filter(stands_out).collect()
         } else {
             let brightest = &own.as_ref().unwrap_or(&front).brightest;

@@ -1,39 +1,39 @@
 //! Inpainting of disocclusions: colour and depth of the surfaces behind foreground edges, which the lens sees and the
-//! pinhole did not.
+//! pinhole does not.
 //!
-//! From a hidden pixel, rays march in sixteen directions until they leave the foreground. The surface that most of them
-//! reach continues behind it.
+//! From a hidden pixel, rays march in sixteen directions until they leave the foreground. The surface that most of
+//! them reach continues behind it.
 
 use super::edges::{self, CONNECTED_PX, EDGE};
 use super::grid::BLOCK;
 use super::matting::{FrontLayer, MixedPixel};
 use crate::cancel::Cancel;
 use crate::error::Result;
-use crate::rows::AT_ONCE;
+use crate::rows::ITEMS_PER_TASK;
 use rayon::prelude::*;
 
 /// Directions in which rays march from a hidden pixel: exits 16 pixels away are 6 pixels apart.
 const DIRECTIONS: usize = 16;
-/// How far beyond a silhouette a pure pixel is searched: as far as around an edge pixel.
+/// How far beyond a silhouette an unmixed pixel is searched: as far as around an edge pixel.
 const BEYOND_EDGE: usize = 4;
-/// Exits this close in shift are on one surface: each is within a step of one that most agree on.
+/// Exits whose shifts differ by less are on one surface: each is within a step of the one that most exits agree on.
 const SAME_SURFACE_PX: f32 = 2.0;
-/// A hidden surface lies at least this far behind what hides it: half of what makes an edge.
+/// The least difference in shift between a hidden surface and the surface that hides it: half of what makes an edge.
 const BEHIND_PX: f32 = 0.5;
-/// A lens sees no farther behind a silhouette than the difference in shift, and a little more for rounding.
+/// A lens sees no farther behind a silhouette than the difference in shift; the margin allows for rounding.
 const MARGIN_PX: f32 = 2.0;
-/// Far from edges, rays march from a grid of pixels only: its spacing along each axis of a block, for the pixels farthest
-/// from edges first.
+/// Far from edges, rays march from a grid of pixels only. These are its spacings along each axis of a block, the one
+/// for the pixels farthest from edges first.
 const SPACINGS_PX: [usize; 2] = [4, 2];
 
-/// A hidden pixel filled in.
+/// A hidden pixel that was inpainted.
 pub struct Hidden {
     pub index: usize,
     pub s: f32,
     pub color: [f32; 4],
 }
 
-/// The surface that the rays of all directions agree on.
+/// The surface on which the rays of all directions agree.
 #[derive(Clone, Copy)]
 struct Found {
     s: f32,
@@ -48,12 +48,12 @@ struct Exit {
     color: [f32; 4],
 }
 
-/// A pixel on the way in one direction.
+/// A pixel on a ray.
 #[derive(Clone, Copy)]
 struct Step {
     dx: i32,
     dy: i32,
-    /// From the index of the origin to that of the pixel.
+    /// Offset from the index of the origin to that of the pixel.
     offset: isize,
     distance: f32,
 }
@@ -64,13 +64,13 @@ struct Origin {
     x: usize,
     y: usize,
     index: usize,
-    /// Whether no ray can leave the frame.
+    /// Whether every ray stays inside the frame.
     inside: bool,
-    /// How much farther than the difference in shift rays go.
+    /// How much farther than the difference in shift the rays march.
     margin_px: f32,
 }
 
-/// The pixels met in each direction, up to a distance.
+/// The pixels of the ray of each direction, up to a distance.
 fn rays(reach: usize, width: usize) -> Vec<Vec<Step>> {
     (0..DIRECTIONS)
         .map(|i| {
@@ -91,7 +91,7 @@ fn rays(reach: usize, width: usize) -> Vec<Vec<Step>> {
         .collect()
 }
 
-/// Least shift at a silhouette, and least and greatest shift of all, of each block of pixels.
+/// For each block of pixels: the least shift at a silhouette, and the least and greatest shift of all pixels.
 struct ShiftBounds {
     across: usize,
     edge_s: Vec<f32>,
@@ -125,7 +125,7 @@ impl ShiftBounds {
         ShiftBounds { across, edge_s: column(0), min_s: column(1), max_s: column(2) }
     }
 
-    /// The least shift at a silhouette that any pixel of block `b` could uncover, if there is one.
+    /// The least shift at a silhouette that any pixel of block `b` could uncover, if a silhouette is in reach.
     fn farthest_uncovered(&self, b: usize, s_min: f32) -> Option<f32> {
         let (bx, by, down) = (b % self.across, b / self.across, self.edge_s.len() / self.across);
         let reach = ((self.max_s[b] - s_min + MARGIN_PX) as usize).div_ceil(BLOCK) + 1;
@@ -146,14 +146,14 @@ impl ShiftBounds {
 /// The visible surfaces, as rays march over them.
 struct Surfaces<'a> {
     frame: &'a FrontLayer<'a>,
-    /// The edge pixels that were taken apart, by rising index.
+    /// The edge pixels that were separated, sorted by index.
     mixed: &'a [MixedPixel],
     /// See [`edges::distance_to_edges`].
     edge_distance: &'a [u8],
 }
 
 impl Surfaces<'_> {
-    /// An edge pixel taken apart.
+    /// The two surfaces of an edge pixel, if it was separated.
     fn mixed(&self, index: usize) -> Option<&MixedPixel> {
         self.mixed.binary_search_by_key(&index, |m| m.index).ok().map(|i| &self.mixed[i])
     }
@@ -168,12 +168,12 @@ impl Surfaces<'_> {
         }
     }
 
-    /// Marches along one direction at shift `s_start` until it leaves the foreground; no farther than a surface at
-    /// `s_farthest` could be uncovered.
+    /// Marches along one direction at shift `s_start` until the ray leaves the foreground, but no farther than the
+    /// lens could uncover a surface at `s_farthest`.
     fn march(&self, origin: Origin, s_start: f32, s_farthest: f32, ray: &[Step]) -> Option<Exit> {
         let FrontLayer { s, connectivity, .. } = *self.frame;
         let at = |step: &Step| self.at(origin, step);
-        // Each step moves one pixel, so no edge is met sooner than after the distance to the nearest.
+        // Each step moves one pixel, so no edge is met before the distance to the nearest edge.
         let mut k = usize::from(self.edge_distance[origin.index]).saturating_sub(1);
         loop {
             let step = ray.get(k)?;
@@ -205,7 +205,7 @@ impl Surfaces<'_> {
         }
     }
 
-    /// The colour of the first pixel beyond a silhouette that mixes with nothing, or else the unmixed one there.
+    /// The colour of the first unmixed pixel beyond a silhouette, or else the background colour of the exit pixel.
     fn pure_beyond(&self, origin: Origin, exit: usize, ray: &[Step]) -> [f32; 4] {
         let FrontLayer { s, connectivity, .. } = *self.frame;
         let beyond = ray.iter().take(BEYOND_EDGE).map_while(|step| self.at(origin, step));
@@ -219,9 +219,9 @@ impl Surfaces<'_> {
     }
 }
 
-/// The shift that most exits, the nearest ones above all, agree on.
+/// The shift that most exits agree on; nearer exits count more.
 fn surface_of(exits: &[Exit]) -> Option<f32> {
-    // Beside those that there are, some that agree with nothing, so that all are asked together.
+    // The arrays are padded with entries that agree with nothing, so that the loops have a fixed length.
     let (mut s, mut weight, mut votes) = ([f32::NAN; DIRECTIONS], [0.0; DIRECTIONS], [0.0f32; DIRECTIONS]);
     for (i, h) in exits.iter().enumerate() {
         (s[i], weight[i]) = (h.s, 1.0 / (h.distance * h.distance));
@@ -235,7 +235,7 @@ fn surface_of(exits: &[Exit]) -> Option<f32> {
     found.reduce(|a, b| if b.0 > a.0 { b } else { a }).map(|(_, s)| s)
 }
 
-/// What lies hidden out of what was found around it.
+/// The hidden surface, merged from the exits around it.
 fn merge(exits: &[Exit]) -> Option<Found> {
     let surface = surface_of(exits)?;
     let on_surface = |h: &&Exit| (h.s - surface).abs() < SAME_SURFACE_PX;
@@ -263,28 +263,28 @@ fn merge(exits: &[Exit]) -> Option<Found> {
     (weight > 0.0).then(|| Found { s: s / weight, color: color.map(|c| c / weight) })
 }
 
-/// The search for what the foreground hides.
+/// The search for hidden surfaces.
 struct Search<'a> {
     around: Surfaces<'a>,
     blocks: ShiftBounds,
     /// See [`ShiftBounds::farthest_uncovered`].
     farthest: Vec<Option<f32>>,
     rays: Vec<Vec<Step>>,
-    /// The longest way of a ray.
+    /// The longest distance that a ray marches.
     reach: usize,
 }
 
-/// What the search has found behind a pixel.
+/// The result of the search behind a pixel.
 #[derive(Clone, Copy)]
 enum Answer {
-    /// It has not been asked.
+    /// The pixel has not been searched.
     Unknown,
-    /// Nothing behind it is seen through the lens.
+    /// The lens sees nothing behind it.
     Nothing,
     Surface(Found),
 }
 
-/// What is hidden behind every few pixels along each axis of a block, for those in between.
+/// The results behind a grid of pixels of a block, from which the pixels in between are interpolated.
 struct Grid {
     origin: (usize, usize),
     spacing: usize,
@@ -292,10 +292,11 @@ struct Grid {
 }
 
 impl Search<'_> {
-    /// The shift of the surface that hides something at pixel `index`; `None` where what it hides is known.
+    /// The shift of the surface that hides something at pixel `index`; `None` where the hidden surface is already
+    /// known.
     fn front(&self, index: usize) -> Option<f32> {
         let Surfaces { frame, edge_distance, .. } = self.around;
-        // What lies behind a mixed pixel is known, unless it turned out to show only that.
+        // The surface behind a mixed pixel is known, unless its coverage turned out to be zero.
         let at_edge = edge_distance[index] == 0;
         match if at_edge { self.around.mixed(index) } else { None } {
             Some(mixed) if mixed.coverage > 0.0 => None,
@@ -325,10 +326,11 @@ impl Search<'_> {
         merge(&exits[..found])
     }
 
-    /// Searches behind the pixels of a block's grid, where a coarser one doesn't tell.
+    /// Searches behind the pixels of a block's grid, where a coarser grid gives no answer.
     ///
-    /// Rays in neighbouring directions leave the foreground farther apart the farther away the edges are. What lies hidden is known no
-    /// more finely than that, so that only what is nearer to an edge than some distance asks for more than the grid.
+    /// The farther away the edges are, the farther apart rays in neighbouring directions leave the foreground. The
+    /// hidden surface is known no more finely than that. So only pixels that are nearer to an edge than some distance
+    /// need more than the grid.
     fn grid(&self, origin: (usize, usize), spacing: usize, coarser: Option<&Grid>) -> Grid {
         let size = self.around.frame.size;
         let least_px = (spacing * DIRECTIONS) as f32 / std::f32::consts::TAU;
@@ -343,7 +345,8 @@ impl Search<'_> {
             match (coarser.map_or(Answer::Unknown, |grid| grid.at((x, y))), self.farthest[block]) {
                 (Answer::Unknown, None) => Answer::Nothing,
                 (Answer::Unknown, Some(s_farthest)) => {
-                    // Nor is anything seen between pixels that see nothing somewhat farther away.
+                    // The margin is wider by the spacing, so that pixels between grid points that see nothing see
+                    // nothing either.
                     let margin_px = MARGIN_PX + spacing as f32;
                     let found = self.find((x, y), self.around.frame.s[index], s_farthest, margin_px);
                     found.map_or(Answer::Nothing, Answer::Surface)
@@ -351,7 +354,7 @@ impl Search<'_> {
                 (known, _) => known,
             }
         };
-        // The first of the next block are the last of this one, too.
+        // Neighbouring blocks share the grid points on their common border.
         let along = |first: usize| (first..=first + BLOCK).step_by(spacing);
         let answers = along(origin.1).flat_map(|y| along(origin.0).map(move |x| (x, y))).map(answer);
         Grid { origin, spacing, answers: answers.collect() }
@@ -359,7 +362,7 @@ impl Search<'_> {
 }
 
 impl Grid {
-    /// What the grid tells of a pixel: between the four around it, if they agree.
+    /// The result for a pixel, interpolated between the four grid points around it if they agree.
     fn at(&self, (x, y): (usize, usize)) -> Answer {
         let (x, y, across) = (x - self.origin.0, y - self.origin.1, BLOCK / self.spacing + 1);
         let first = y / self.spacing * across + x / self.spacing;
@@ -396,7 +399,7 @@ impl Grid {
     }
 }
 
-/// Fills every pixel that a lens sees behind and whose background is still unknown.
+/// Fills every pixel behind which the lens sees something and whose background is still unknown.
 pub fn hidden(frame: &FrontLayer, mixed: &[MixedPixel], cancel: &Cancel) -> Result<Vec<Hidden>> {
     let (width, height) = (frame.size.width, frame.size.height);
     let blocks = ShiftBounds::new(frame);
@@ -411,7 +414,7 @@ pub fn hidden(frame: &FrontLayer, mixed: &[MixedPixel], cancel: &Cancel) -> Resu
 
     let farthest: Vec<_> = (0..blocks.edge_s.len())
         .into_par_iter()
-        .with_max_len(AT_ONCE)
+        .with_max_len(ITEMS_PER_TASK)
         .map(|b| blocks.farthest_uncovered(b, s_min))
         .collect();
     let across = blocks.across;
@@ -440,7 +443,7 @@ pub fn hidden(frame: &FrontLayer, mixed: &[MixedPixel], cancel: &Cancel) -> Resu
         }
         Ok(filled)
     };
-    let numbers = (0..search.farthest.len()).into_par_iter().with_max_len(AT_ONCE);
+    let numbers = (0..search.farthest.len()).into_par_iter().with_max_len(ITEMS_PER_TASK);
     let filled = numbers.map(fill_block).collect::<Result<Vec<_>>>()?;
     Ok(filled.into_iter().flatten().collect())
 }
@@ -482,7 +485,7 @@ mod tests {
     #[test]
     fn a_grid_tells_only_what_all_of_its_pixels_around_agree_on() {
         let known = |grid: &Grid, at: (usize, usize)| !matches!(grid.at(at), Answer::Unknown);
-        // Of the second row and column, one is not like the others.
+        // In the second row and column, one grid point differs from the others.
         for other in [Answer::Unknown, Answer::Nothing, surface(5.0, 1.0)] {
             let grid = grid(|x, y| if (x, y) == (1, 1) { other } else { surface(0.0, 1.0) });
             assert!([(33, 17), (37, 21), (33, 21)].iter().all(|at| !known(&grid, *at)));
@@ -495,7 +498,7 @@ mod tests {
 
     #[test]
     fn what_a_square_hides_is_filled_without_steps() {
-        // So blurred that the lens sees all that it hides.
+        // The blur is so large that the lens sees the whole hidden region.
         let (side, first, end, s_front) = (256, 64, 192, 200.0f32);
         let is_front = |i: usize| (first..end).contains(&(i % side)) && (first..end).contains(&(i / side));
         let s: Vec<f32> = (0..side * side).map(|i| if is_front(i) { s_front } else { 0.0 }).collect();

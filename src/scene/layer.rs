@@ -5,14 +5,15 @@ use super::half_plane::HalfPlane;
 use crate::memory::Buffer;
 use std::sync::Arc;
 
-/// One cell a pixel at most. The layers of single channels share all but the colours.
+/// A layer holds at most one cell per pixel. The layers of single channels share everything but the colours.
 pub struct SceneLayer {
-    /// Shift of every cell relative to infinity, in pixels; NaN where there is none.
+    /// Shift of every cell relative to infinity, in pixels; NaN where there is no cell.
     pub s: Arc<Buffer<f32>>,
-    /// Colour of every cell; zero where there is none.
+    /// Colour of every cell; zero where there is no cell.
     pub colors: Colors,
-    /// The cells that cover their pixel in part, by rising index.
+    /// The cells that cover their pixel only partly, sorted by index.
     pub partial: Arc<Vec<(usize, HalfPlane)>>,
-    /// Which neighbours are one surface, however steep; see [`connectivity`](super::edges::connectivity). Empty for a layer whose cells are no plain pixels.
+    /// Which neighbours are on one surface, however steep; see [`connectivity`](super::edges::connectivity). Empty
+    /// for a layer whose cells are not pixels of the picture.
     pub connectivity: Arc<Vec<u8>>,
 }

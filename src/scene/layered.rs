@@ -4,7 +4,7 @@
 //! half-plane. The layers depend on the strength of the lens (`s = k d`) but not on its focus: a focal stack shares
 //! them.
 
-use super::colors::{Colors, Own};
+use super::colors::{CellColor, Colors};
 use super::depth_bounds::DepthBounds;
 use super::depth_codes::DepthCodes;
 use super::depth_spans::{self, DepthSpans};
@@ -29,8 +29,8 @@ pub struct LayeredScene {
     pub size: Size,
     /// The layers themselves.
     pub layers: Vec<SceneLayer>,
-    /// Whether a ray that meets no cell has met something unknown (then the others speak for it) rather than
-    /// nothing at all.
+    /// What a ray that meets no cell has met. If set, it is an unknown surface, and the other rays speak for it;
+    /// otherwise it is empty space.
     pub opaque: bool,
     /// Least and greatest shift of all cells, relative to infinity.
     pub shifts: (f64, f64),
@@ -40,7 +40,7 @@ pub struct LayeredScene {
     pub depths: Arc<Vec<DepthSpans>>,
     /// The bounds of depth in the blocks of the frame.
     pub bounds: Arc<DepthBounds>,
-    /// The cells that stand out, once they have been asked for.
+    /// The highlights; found when first asked for.
     bright: OnceLock<Arc<Vec<Vec<Bright>>>>,
 }
 
@@ -55,9 +55,9 @@ impl LayeredScene {
         LayeredScene { size, layers, opaque, shifts, codes, depths, bounds, bright: OnceLock::new() }
     }
 
-    /// The cells of each layer that stand out.
+    /// The cells of each layer that are highlights.
     pub fn bright(&self, simd: Simd) -> Arc<Vec<Vec<Bright>>> {
-        // Not found inside the lock: workers that wait for one another there could wait for themselves.
+        // The search is not done inside the lock: workers that wait for one another there could wait for themselves.
         let found = self.bright.get().map(Arc::clone);
         found.unwrap_or_else(|| {
             let found = Arc::new(highlights::find(self.size, &self.layers, simd));
@@ -65,7 +65,7 @@ impl LayeredScene {
         })
     }
 
-    /// The same cells with these channels of their colours.
+    /// The same cells with only these channels of their colours.
     pub fn of_channels(&self, channels: &[usize]) -> LayeredScene {
         let of = |layer: &SceneLayer| SceneLayer {
             s: Arc::clone(&layer.s),
@@ -85,8 +85,8 @@ impl LayeredScene {
         }
     }
 
-    /// The same cells in some rows, which begin with a block and end with one or with the frame. All that was found of the
-    /// whole frame stays as it is.
+    /// The same cells in some rows of the frame, which begin with a block and end with one or with the frame.
+    /// Everything that was found for the whole frame stays as it is.
     pub fn rows(&self, rows: Range<usize>) -> LayeredScene {
         let width = self.size.width;
         let pixels = rows.start * width..rows.end * width;
@@ -135,10 +135,10 @@ fn scaled(disparity: &[f32], k: f64) -> Buffer<f32> {
     Buffer::of_each(disparity, |d| (k * f64::from(*d)) as f32)
 }
 
-/// One layer: edges are unmixed, and what lies hidden behind them is filled in.
+/// The layers of a picture of one layer: edges are unmixed, and the disocclusions behind them are inpainted.
 ///
-/// Coverage, if the picture has it, is one more channel: what is transparent is a surface at infinity that
-/// happens to have no colour.
+/// Coverage, if the picture has it, is one more channel: a transparent pixel is a surface at infinity that happens to
+/// have no colour.
 fn from_one_layer(size: Size, layer: &Layer, k: f64, simd: Simd, cancel: &Cancel) -> Result<LayeredScene> {
     let mut s = scaled(&layer.disparity, k);
     let connectivity = edges::connectivity(&s, size.width, size.height);
@@ -157,9 +157,9 @@ fn from_one_layer(size: Size, layer: &Layer, k: f64, simd: Simd, cancel: &Cancel
     let partial = half_planes(&frame, &mixed);
     let hidden = inpaint::hidden(&frame, &mixed, cancel)?;
 
-    // A mixed pixel has both surfaces; if it turns out to show the one behind alone, it is that one's.
+    // A mixed pixel has both surfaces. If its coverage turns out to be zero, it belongs to the surface behind alone.
     let (both, behind): (Vec<MixedPixel>, Vec<MixedPixel>) = mixed.iter().partition(|m| m.coverage > 0.0);
-    let own = |index: usize, color: [f32; 4]| Own { index, color };
+    let own = |index: usize, color: [f32; 4]| CellColor { index, color };
     let front_colors = both.iter().map(|m| own(m.index, m.front));
     let front_colors = front_colors.chain(behind.iter().map(|m| own(m.index, m.back))).collect();
     let back_colors = both.iter().map(|m| own(m.index, m.back));
@@ -183,14 +183,15 @@ fn from_one_layer(size: Size, layer: &Layer, k: f64, simd: Simd, cancel: &Cancel
     Ok(LayeredScene::new(size, vec![front, back], true, simd))
 }
 
-/// Half-planes of the pixels that are mixed in earnest.
+/// Half-planes of the pixels whose coverage is neither 0 nor 1.
 fn half_planes(frame: &FrontLayer, mixed: &[MixedPixel]) -> Vec<(usize, HalfPlane)> {
     let (width, height) = (frame.size.width, frame.size.height);
     let first_from = |index: usize| mixed.partition_point(|m| m.index < index);
     let starts: Vec<usize> = (0..=height).into_par_iter().map(|y| first_from(y * width)).collect();
     let row = |y: usize| {
         let row_of = |y: usize| &mixed[starts[y]..starts[y + 1]];
-        // The rows above, here and below, each without what lies too far left to be a neighbour any more.
+        // The rows above, here and below, each without the pixels too far left to be neighbours of any pixel still to
+        // come.
         let mut rows = [y.saturating_sub(1), y, (y + 1).min(height - 1)].map(row_of);
         let mut planes = Vec::new();
         for m in row_of(y) {
@@ -220,7 +221,7 @@ fn half_planes(frame: &FrontLayer, mixed: &[MixedPixel]) -> Vec<(usize, HalfPlan
     (0..height).into_par_iter().flat_map_iter(row).collect()
 }
 
-/// Real layers: coverage is alpha, colours are each surface's own, nothing is invented.
+/// Layers given by the user: coverage is alpha, colours are each surface's own, and nothing is inpainted.
 fn from_layers(size: Size, layers: &[Layer], k: f64, simd: Simd, cancel: &Cancel) -> Result<LayeredScene> {
     let n = size.pixels();
     let alpha = size.channels - 1;

@@ -1,26 +1,29 @@
-//! Edge pixels taken apart: the colour of the surface in front, of the one behind, and how much each covers.
+//! Alpha matting of edge pixels: the colour of the surface in front, the colour of the surface behind, and the
+//! coverage.
 //!
-//! A pixel on a silhouette holds `C = a F + (1 - a) B` but one depth only. Left alone it would be carried by a
-//! single disc; one such pixel on the rim of a bright lamp poisons its whole neighbourhood.
+//! A pixel on a silhouette holds `C = a F + (1 - a) B` but one depth only. Unless both are separated, a single disc
+//! carries the mixture; one such pixel on the rim of a bright lamp contaminates its whole neighbourhood.
 
 use super::edges::{CONNECTED_PX, EDGE};
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::picture::Size;
-use crate::rows::AT_ONCE;
+use crate::rows::ITEMS_PER_TASK;
 use rayon::prelude::*;
 
-/// The longest ring of pixels searched for a pure colour: past the edge pixels of a structure that is itself as thin as
-/// its edges, two on each side.
+/// The longest ring of pixels searched for a pure colour: past the edge pixels of a structure that is itself as thin
+/// as its edges, two on each side.
 const MAX_RING: i32 = 4;
 /// Coverage closer than this to 0 or 1 is taken for pure.
 const PURE: f32 = 0.01;
-/// How much of a mixed pixel's colour may stay unexplained by two pure ones, as a multiple of their variances and
-/// squared contrast. Two colours that vary leave over their variances on average; twice that is not theirs any more.
+/// How much of a mixed pixel's colour may stay unexplained by two pure colours, as a multiple of their variances and
+/// squared contrast. Two colours that vary leave over their variances on average. A residual of twice that is no
+/// longer theirs.
 const UNEXPLAINED: f32 = 2.0;
-/// A pixel's depth is that of its centre: what is unexplained there is that surface's rather than the other's, in
-/// terms of variance. The surface at the centre covers three quarters of the pixel on average over the places of a
-/// straight edge, three times what the other covers: a little more than that.
+/// A pixel's depth is that of its centre, so an unexplained residual is more likely to belong to the surface at the
+/// centre than to the other one. This is the factor by which its variance counts more. Averaged over the positions of
+/// a straight edge, the surface at the centre covers three quarters of the pixel, three times as much as the other: a
+/// little more than that.
 const SEEN_AT_CENTRE: f32 = 4.0;
 
 /// The surfaces that the pinhole sees.
@@ -41,7 +44,7 @@ impl FrontLayer<'_> {
         std::array::from_fn(|c| if c < self.size.channels { self.color[c * n + i] } else { 0.0 })
     }
 
-    /// Index of the pixel `(dx, dy)` away, if it is in the frame.
+    /// Index of the pixel at the offset `(dx, dy)`, if it is in the frame.
     pub fn offset(&self, x: usize, y: usize, dx: i32, dy: i32) -> Option<usize> {
         let (x, y) = (x as i32 + dx, y as i32 + dy);
         let inside = (0..self.size.width as i32).contains(&x) && (0..self.size.height as i32).contains(&y);
@@ -49,7 +52,7 @@ impl FrontLayer<'_> {
     }
 }
 
-/// An edge pixel taken apart.
+/// An edge pixel separated into two surfaces.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MixedPixel {
     pub index: usize,
@@ -93,8 +96,8 @@ fn sub(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
     std::array::from_fn(|c| a[c] - b[c])
 }
 
-/// Pure colours of the surface at shift `s_surface` around a pixel: pixels away from every edge, nearest rings
-/// first, weighted by `1 / r^2`.
+/// The pure colour of the surface at shift `s_surface` around a pixel. It is taken from pixels away from every edge,
+/// nearest rings first, weighted by `1 / r^2`.
 fn pure_color(frame: &FrontLayer, x: usize, y: usize, s_surface: f32) -> Option<([f32; 4], f32)> {
     let mut pure = Pure::default();
     for ring in 1..=MAX_RING {
@@ -114,8 +117,8 @@ fn pure_color(frame: &FrontLayer, x: usize, y: usize, s_surface: f32) -> Option<
     pure.mean_and_variance()
 }
 
-/// For a structure too thin to have a pure pixel: the colour, among the pixels around whose depth is the
-/// structure's, that differs most from the other surface, which is the one that it covers most.
+/// The colour of a structure too thin to have a pure pixel. Among the surrounding pixels with the structure's depth,
+/// it is the colour that differs most from the other surface: the structure covers that pixel most.
 fn extreme_color(
     frame: &FrontLayer,
     x: usize,
@@ -133,7 +136,7 @@ fn extreme_color(
         .map(|(_, color)| color)
 }
 
-/// Takes one edge pixel apart; `None` where nothing pure is known of either surface.
+/// Separates one edge pixel; `None` if no pure colour is known of either surface.
 fn unmix_pixel(frame: &FrontLayer, x: usize, y: usize) -> Option<MixedPixel> {
     let index = y * frame.size.width + x;
     let around = || {
@@ -149,13 +152,13 @@ fn unmix_pixel(frame: &FrontLayer, x: usize, y: usize) -> Option<MixedPixel> {
     let (front, back) = (pure_color(frame, x, y, s_front), pure_color(frame, x, y, s_back));
     let ((front, front_variance), (back, back_variance)) = match (front, back) {
         (Some(front), Some(back)) => (front, back),
-        // Of a guessed colour no more is known than of the other.
+        // The variance of a guessed colour is unknown; it is taken to be that of the other colour.
         (None, Some(back)) => ((extreme_color(frame, x, y, s_front, back.0)?, back.1), back),
         (Some(front), None) => (front, (extreme_color(frame, x, y, s_back, front.0)?, front.1)),
         (None, None) => return None,
     };
 
-    // What depth alone says of the coverage: the [1 2 1]^2 average of "in front".
+    // The coverage as depth alone suggests it: the [1 2 1]^2 average of "in front".
     let middle = 0.5 * (s_front + s_back);
     let (mut in_front, mut all) = (0.0, 0.0);
     for (dx, dy, s) in around() {
@@ -173,8 +176,8 @@ fn unmix_pixel(frame: &FrontLayer, x: usize, y: usize) -> Option<MixedPixel> {
         if unexplained <= UNEXPLAINED * (front_variance + back_variance + norm2(sub(front, back)) + floor) {
             (pure.coverage, pure.front, pure.back)
         } else {
-            // Something that neither pure colour shows, such as half a lamp: it belongs to the surface whose pixels
-            // around, mixed ones too, vary the most.
+            // The pixel contains something that neither pure colour shows, such as half a lamp. It belongs to the
+            // surface whose pixels in the neighbourhood, mixed ones too, vary the most.
             let (own_front, own_back) =
                 if frame.s[index] > middle { (SEEN_AT_CENTRE, 1.0) } else { (1.0, SEEN_AT_CENTRE) };
             let varied = pixel.split(
@@ -186,10 +189,10 @@ fn unmix_pixel(frame: &FrontLayer, x: usize, y: usize) -> Option<MixedPixel> {
     Some(MixedPixel { index, s_front, front, coverage, s_back, back })
 }
 
-/// How far around a pixel [`spread`] searches, half a block: one lamp on a surface makes others there likely.
+/// How far around a pixel [`spread`] searches, half a block: one lamp on a surface makes others nearby likely.
 const SPREAD_RING: i32 = 8;
 
-/// Mean squared difference, around a pixel, of a surface's pixels from its pure colour.
+/// Mean squared difference between the pixels of a surface around a pixel and the surface's pure colour.
 fn spread(frame: &FrontLayer, x: usize, y: usize, s_surface: f32, pure: [f32; 4]) -> f32 {
     let offsets = || -SPREAD_RING..=SPREAD_RING;
     let around = offsets().flat_map(|dy| offsets().map(move |dx| (dx, dy))).filter(|&d| d != (0, 0));
@@ -203,7 +206,7 @@ fn spread(frame: &FrontLayer, x: usize, y: usize, s_surface: f32, pure: [f32; 4]
     sum / count.max(1.0)
 }
 
-/// A mixed pixel with the pure colours of both surfaces and what depth says of the coverage.
+/// A mixed pixel with the pure colours of both surfaces and the coverage that depth suggests.
 struct Pixel {
     color: [f32; 4],
     front: [f32; 4],
@@ -219,17 +222,18 @@ struct Split {
 }
 
 impl Pixel {
-    /// What two pure colours leave over at this coverage.
+    /// The part of the pixel's colour that the two pure colours do not explain at this coverage.
     fn rest(&self, coverage: f32) -> [f32; 4] {
         std::array::from_fn(|c| self.color[c] - coverage * self.front[c] - (1.0 - coverage) * self.back[c])
     }
 
-    /// Least squares for `a` in `C = a F + (1 - a) B`, held to the prior where the colours tell little; what is left
-    /// over goes to the two colours by their variances, so that they give `C` back exactly.
+    /// Least squares for `a` in `C = a F + (1 - a) B`, regularised towards the prior where the colours say little.
+    /// The residual is distributed over the two colours by their variances, so that they reproduce `C` exactly.
     fn split(&self, front_variance: f32, back_variance: f32) -> Split {
         let contrast = sub(self.front, self.back);
         let along: f32 = sub(self.color, self.back).iter().zip(contrast).map(|(c, d)| c * d).sum();
-        // The prior is known to a third, and a channel's variance is a third of the sum: (1/3) / (1/3)^2.
+        // The standard deviation of the prior is a third, and a channel's variance is a third of the sum: (1/3) /
+        // (1/3)^2.
         let trust = 3.0 * (front_variance + back_variance);
         let coverage = ((along + trust * self.prior) / (norm2(contrast) + trust)).clamp(0.0, 1.0);
         let coverage = if coverage < PURE {
@@ -247,7 +251,7 @@ impl Pixel {
         for c in 0..4 {
             split.front[c] += a * front_variance * share * rest[c];
             split.back[c] += b * back_variance * share * rest[c];
-            // Light is not negative: where one side would be, the other gives way.
+            // Light is not negative: if one side would become negative, the other side takes up the difference.
             if self.color[c] >= 0.0 && split.back[c] < 0.0 && a > 0.0 {
                 (split.back[c], split.front[c]) = (0.0, self.color[c] / a);
             } else if self.color[c] >= 0.0 && split.front[c] < 0.0 && b > 0.0 {
@@ -258,7 +262,7 @@ impl Pixel {
     }
 }
 
-/// All edge pixels that could be taken apart, in scan order.
+/// All edge pixels that could be separated, in scan order.
 pub fn unmix(frame: &FrontLayer, cancel: &Cancel) -> Result<Vec<MixedPixel>> {
     let row = |y: usize| {
         cancel.check()?;
@@ -266,8 +270,11 @@ pub fn unmix(frame: &FrontLayer, cancel: &Cancel) -> Result<Vec<MixedPixel>> {
             (0..frame.size.width).filter(|x| frame.connectivity[y * frame.size.width + x] & EDGE != 0);
         Ok(edges.filter_map(|x| unmix_pixel(frame, x, y)).collect::<Vec<_>>())
     };
-    let rows =
-        (0..frame.size.height).into_par_iter().with_max_len(AT_ONCE).map(row).collect::<Result<Vec<_>>>()?;
+    let rows = (0..frame.size.height)
+        .into_par_iter()
+        .with_max_len(ITEMS_PER_TASK)
+        .map(row)
+        .collect::<Result<Vec<_>>>()?;
     Ok(rows.concat())
 }
 
@@ -277,7 +284,8 @@ mod tests {
 
     #[test]
     fn a_mixed_column_is_taken_apart() {
-        // Columns 0..5 are a surface of colour 2 in front, 6.. one of colour 1 behind; column 5 is 30 % front.
+        // Columns 0..5 are a surface of colour 2 in front, columns 6.. a surface of colour 1 behind; column 5 is 30 %
+        // front.
         let (w, h) = (12, 7);
         let size = Size { width: w, height: h, channels: 1 };
         let color: Vec<f32> = (0..w * h)

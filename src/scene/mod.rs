@@ -1,8 +1,8 @@
-//! A picture and what is prepared from it once, for any focus and any device.
+//! A picture and the data that are prepared from it once, for any focus and any device.
 //!
 //! In the order of the work: [`edges`] finds depth discontinuities, [`matting`] separates the two surfaces of edge
-//! pixels, [`inpaint`] fills what the foreground hides, [`layered`] holds the result, [`depth_spans`] and
-//! [`depth_bounds`] say which depths occur where, and [`highlights`] which cells are bright.
+//! pixels, [`inpaint`] fills the surfaces that the foreground hides, and [`layered`] holds the result.
+//! [`depth_spans`] and [`depth_bounds`] bound the depths that occur, and [`highlights`] finds the bright cells.
 
 pub(crate) mod colors;
 pub(crate) mod depth_bounds;
@@ -25,22 +25,22 @@ use crate::simd::Simd;
 use layered::LayeredScene;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// The largest circle of confusion that is rendered.
+/// The largest radius of the circle of confusion that is rendered, in pixels.
 const MAX_RADIUS_PX: f64 = 2048.0;
 
-/// A picture as the focus surface of a lens has it, and its layers for a lens of some strength.
+/// The strength of a lens and its focus surface, with the layers that were prepared for both.
 type Prepared = (f64, FocusSurface, Arc<LayeredScene>);
 
-/// A picture, with what has been prepared from it.
+/// A picture, and the data that have been prepared from it.
 pub struct Scene {
     pub(crate) picture: Arc<Picture>,
-    /// Channels that hold light, without coverage.
+    /// Number of channels that hold light; coverage is not counted.
     pub(crate) lights: usize,
-    /// Pixels of the picture to one of the output, along each axis.
+    /// Pixels of the picture per pixel of the output, along each axis.
     pub(crate) supersample: usize,
-    /// The picture less the focus surface last used.
+    /// The picture with the focus surface subtracted from its depth, for the focus surface last used.
     flattened: Mutex<Option<(FocusSurface, Arc<Picture>)>>,
-    /// The layers last used.
+    /// The layers for the lens last used.
     layered: Mutex<Option<Prepared>>,
 }
 
@@ -54,13 +54,13 @@ impl Scene {
 
     /// The picture for which this focus surface is a plane that faces the camera.
     ///
-    /// No lock is ever held over parallel work: a worker that waits inside it may be handed another render of
-    /// the same scene, and would wait for itself.
+    /// No lock is ever held over parallel work: a worker that waits inside it may be handed another render of the
+    /// same scene, and would wait for itself.
     pub(crate) fn flattened(&self, surface: &FocusSurface) -> Arc<Picture> {
         if surface.is_facing() {
             return Arc::clone(&self.picture);
         }
-        // A poisoned lock only means that another render was interrupted; what it holds is whole or absent.
+        // A poisoned lock only means that another render was interrupted; its content is either whole or absent.
         let cached = || self.flattened.lock().unwrap_or_else(PoisonError::into_inner);
         let at_hand = cached().as_ref().filter(|(own, _)| own == surface).map(|(_, p)| Arc::clone(p));
         at_hand.unwrap_or_else(|| {
@@ -70,7 +70,7 @@ impl Scene {
         })
     }
 
-    /// The layers of the flattened picture for this lens, made anew if those at hand are for another.
+    /// The layers of the flattened picture for this lens. They are rebuilt if the cached ones are for another lens.
     pub(crate) fn layered(
         &self,
         picture: &Picture,
@@ -94,7 +94,7 @@ impl Scene {
     }
 }
 
-/// Refuses lenses whose circles of confusion are beyond reason.
+/// Refuses a lens whose largest circle of confusion exceeds [`MAX_RADIUS_PX`].
 fn check_radius(picture: &Picture, optics: &Optics) -> Result<()> {
     let radii = picture.layers.iter().map(|layer| optics.largest_radius_px(layer.disparity_range()));
     let radius = radii.fold(0.0, f64::max);

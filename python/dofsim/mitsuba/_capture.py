@@ -21,10 +21,11 @@ from ._view import View, load_scene, render
 __all__ = ["Capture", "rgbd"]
 
 
-# Neighbours farther apart than this share of a picture's range of disparity are not on one surface. The "lens"
-# method tells surfaces apart by a pixel of blur, and the lens is not known here: for one that makes 32 pixels of
-# the whole range, as wide a blur as most pictures have, this is a pixel.
+# Neighbours farther apart than this share of a picture's range of disparity are not on one surface. The
+# "lens" method tells surfaces apart by a pixel of blur, and the lens is not known here: for one that makes 32
+# pixels of the whole range, as wide a blur as most pictures have, this is a pixel.
 SILHOUETTE = 1.0 / 32.0
+
 
 @dataclass(frozen=True, eq=False)
 class Capture:

@@ -1,42 +1,42 @@
 //! A tile and its surroundings, read into planes.
 
 use super::lanes::LANES;
-use super::reach::{Courses, Reach};
+use super::reach::{BlockPaths, Reach};
 use crate::mirror::{mirrored, read_mirrored};
 use crate::optics::Optics;
 use crate::picture::{Layer, Size};
 use crate::plan::hexagonal::{Margin, Plan};
 use crate::simd::Simd;
 
-/// What is read from.
+/// The picture from which tiles are read.
 pub struct Source<'a> {
     pub layer: &'a Layer,
     pub size: Size,
     pub optics: &'a Optics,
-    /// Circles of confusion are cut at this radius.
+    /// The limit of the radius of circles of confusion, in pixels.
     pub max_coc_px: f64,
     /// Columns and rows of a tile.
     pub tile: (usize, usize),
 }
 
-/// Signed radius of the circle of confusion at a disparity, cut at `most` pixels.
+/// Signed radius of the circle of confusion at a disparity, limited to `most` pixels.
 #[inline(always)]
 fn coc(optics: &Optics, most: f64, disparity: f32) -> f32 {
     (-optics.shift_px(f64::from(disparity))).clamp(-most, most) as f32
 }
 
-/// The planes of light in front of the focus. Colour and coverage are divided by the radius of the circle of confusion,
-/// so that what a step of a line receives is a multiple of them.
+/// The planes of light in front of the focus. Colour and coverage are divided by the radius of the circle of
+/// confusion, so that the light that a step of a line receives is a multiple of them.
 #[derive(Debug, Clone, Copy)]
 pub struct Near {
     /// The first colour plane.
     pub color: usize,
     pub coverage: usize,
-    /// 0 where there is no such light.
+    /// Radius of the circle of confusion; 0 where there is no light in front.
     pub radius: usize,
 }
 
-/// The planes of what is not in front: its colour times the part of it that is seen, and that part.
+/// The planes of everything that is not in front: its colour times the visible part of it, and that part.
 #[derive(Debug, Clone, Copy)]
 pub struct Rest {
     /// The first colour plane.
@@ -53,30 +53,30 @@ pub struct Planes {
 
 /// A tile and its surroundings: the picture and the targets of the first pass, in planes of one layout.
 pub struct Field {
-    /// Columns left of the tile, a multiple of [`LANES`], and rows above it.
+    /// Columns to the left of the tile, a multiple of [`LANES`], and rows above it.
     pub before: (usize, usize),
-    /// Pixels around the tile that the second pass reads.
+    /// Margin around the tile that the second pass reads.
     pub second: Margin,
     pub stride: usize,
-    /// Values of a plane.
+    /// Number of values in a plane.
     pub area: usize,
-    /// The planes, as indices of their first values.
+    /// The planes, as the indices of their first values.
     pub picture: Planes,
     pub targets: Vec<Planes>,
-    /// Signed circles of confusion of the picture, and one over those behind the focus; 0 for the others.
+    /// Signed circles of confusion of the picture, and their reciprocals behind the focus; 0 elsewhere.
     pub coc: usize,
     pub inverse: usize,
     pub values: Vec<f32>,
-    /// A row of the picture.
+    /// A scratch row of the picture.
     row: Vec<f32>,
-    courses: Courses,
+    paths: BlockPaths,
     pub reach: Reach,
 }
 
 impl Field {
     pub fn new(plan: &Plan, frame: &Source) -> Field {
         let (second, both) = plan.margins();
-        // Lanes start at multiples of their number, and overhang.
+        // Lanes start at multiples of their number, and may extend past the margin.
         let before = (both.left.next_multiple_of(LANES) + LANES, both.above);
         let stride = (before.0 + frame.tile.0 + both.right + LANES).next_multiple_of(LANES);
         let area = stride * (before.1 + frame.tile.1 + both.below);
@@ -104,12 +104,12 @@ impl Field {
             inverse,
             values: vec![0.0; take(0)],
             row: vec![0.0; stride],
-            courses: Courses::new(plan),
+            paths: BlockPaths::new(plan),
             reach: Reach::default(),
         }
     }
 
-    /// Reads a tile and its surroundings; beyond the border lies the picture's mirror image.
+    /// Reads a tile and its surroundings; the picture is mirrored at the border.
     pub fn read(&mut self, simd: Simd, frame: &Source, origin: (usize, usize)) {
         let (size, area, stride) = (frame.size, self.area, self.stride);
         let left = origin.0 as i64 - self.before.0 as i64;
@@ -122,7 +122,7 @@ impl Field {
                 || circles(frame, &self.row, &mut self.values[self.coc + row * stride..][..stride]),
             );
         }
-        self.reach = Reach::new(&self.values[self.coc..][..area], stride, &self.courses, simd);
+        self.reach = Reach::new(&self.values[self.coc..][..area], stride, &self.paths, simd);
         if self.reach.is_none() {
             return;
         }
@@ -148,17 +148,17 @@ impl Field {
 /// Signed circles of confusion of a row.
 #[inline(always)]
 fn circles(frame: &Source, disparity: &[f32], out: &mut [f32]) {
-    // Copies, which the compiler knows that nothing in the loop changes.
+    // Copies, so that the compiler knows that nothing in the loop changes them.
     let (optics, most) = (*frame.optics, frame.max_coc_px);
     map(disparity, out, |d| coc(&optics, most, d));
 }
 
-/// What follows from the circles of confusion alone, for the row at index `at` of every plane.
+/// Computes everything that follows from the circles of confusion alone, for the row at index `at` of every plane.
 #[inline(always)]
 fn measure(field: &mut Field, at: usize) {
     let Planes { near, rest } = field.picture;
     let row = |plane: usize| plane + at..plane + at + field.stride;
-    // The planes of circles of confusion are the last.
+    // The planes of circles of confusion are stored last.
     let (planes, coc) = field.values.split_at_mut(field.coc);
     let (coc, inverse) = coc.split_at_mut(field.area);
     let coc = &coc[row(0)];
@@ -168,7 +168,7 @@ fn measure(field: &mut Field, at: usize) {
     map(coc, &mut planes[row(rest.seen)], |coc| if coc < 0.0 { 0.0 } else { 1.0 });
 }
 
-/// Parts the colours of a row in front from the others.
+/// Separates the colours of a row that are in front from the others.
 #[inline(always)]
 fn part_layers(field: &mut Field, at: usize, c: usize) {
     let Planes { near, rest } = field.picture;
@@ -183,7 +183,7 @@ fn part_layers(field: &mut Field, at: usize, c: usize) {
     }
 }
 
-/// Fills a row with what each value of another one gives.
+/// Fills a row by applying a function to each value of another row.
 #[inline(always)]
 fn map(values: &[f32], out: &mut [f32], of: impl Fn(f32) -> f32) {
     for (out, v) in out.iter_mut().zip(values) {

@@ -1,26 +1,26 @@
-//! Several pixels of a row at once.
+//! Arithmetic on several pixels of a row at once.
 
 use crate::plan::hexagonal::Tap;
 use crate::rows::{greater, lesser};
 
-/// Pixels worked on at once.
+/// Number of pixels that are processed together.
 pub const LANES: usize = 16;
 
 pub type Lane = [f32; LANES];
 
-/// The lane of a plane that begins at an index.
+/// The lane of a plane that starts at an index.
 #[inline(always)]
 pub fn lane(plane: &[f32], at: usize) -> &Lane {
     plane[at..].first_chunk().expect("the surroundings hold whole lanes")
 }
 
-/// The same, to be written.
+/// The same, for writing.
 #[inline(always)]
 pub fn lane_mut(plane: &mut [f32], at: usize) -> &mut Lane {
     plane[at..].first_chunk_mut().expect("the surroundings hold whole lanes")
 }
 
-/// How much of a step of a line circles of confusion reach, times the step's share.
+/// The fraction of a line's step that each circle of confusion reaches, times the step's share.
 #[inline(always)]
 pub fn parts(tap: Tap, radius: &Lane) -> Lane {
     let mut reached = *radius;
@@ -39,14 +39,14 @@ pub fn parts(tap: Tap, radius: &Lane) -> Lane {
     reached
 }
 
-/// The same where all of it is reached.
+/// The same for a step that is reached completely.
 #[inline(always)]
 pub fn whole(tap: Tap) -> Lane {
     [tap.share * tap.step_px; LANES]
 }
 
-/// A product, lane by lane.
-// One operation a loop: of loops that do more at once the compiler leaves some lanes out of its vectors.
+/// The product of two lanes.
+// Each loop holds one operation only. If a loop does more, the compiler leaves some lanes out of its vectors.
 #[inline(always)]
 pub fn product(a: &Lane, b: &Lane) -> Lane {
     let mut out = [0.0; LANES];
@@ -56,7 +56,7 @@ pub fn product(a: &Lane, b: &Lane) -> Lane {
     out
 }
 
-/// Adds to a sum.
+/// Adds a lane to a sum.
 #[inline(always)]
 pub fn add(sum: &mut Lane, v: &Lane) {
     for i in 0..LANES {
@@ -64,7 +64,7 @@ pub fn add(sum: &mut Lane, v: &Lane) {
     }
 }
 
-/// What `pick` leaves of a lane, by halves.
+/// Reduces a lane to one value with `pick`, halving it at each step.
 #[inline(always)]
 pub fn reduce(mut values: Lane, pick: impl Fn(f32, f32) -> f32) -> f32 {
     let mut n = LANES / 2;

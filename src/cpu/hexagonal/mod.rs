@@ -15,11 +15,11 @@ use crate::rows::{interleave, with_channels};
 use field::{Field, Source};
 use lanes::{LANES, Lane, lane};
 use rayon::prelude::*;
-use reach::{BLOCK, Looks, Reach};
+use reach::{BLOCK, BlockTaps, Reach};
 use std::ops::Range;
-use sums::{Layers, NearSum, Own, RestSum};
+use sums::{Layers, NearSum, PixelCoc, RestSum};
 
-/// The picture, interleaved.
+/// Renders the picture, interleaved, into `out`.
 pub fn render(job: &Job, settings: &Settings, out: &mut [f32]) -> Result<()> {
     let Job { front: layer, size, optics, simd, cancel } = *job;
     let reach_px = optics.largest_radius_px(layer.disparity_range()).min(settings.max_coc_px) as f32;
@@ -42,13 +42,13 @@ pub fn render(job: &Job, settings: &Settings, out: &mut [f32]) -> Result<()> {
     )
 }
 
-/// Larger blurs read more around a tile, so that larger tiles waste less.
+/// Tile size. A larger blur reads more around a tile, so larger tiles then waste less.
 fn tile_size(reach_px: f32) -> (usize, usize) {
     let side = (4.0 * reach_px) as usize;
     (side.clamp(256, 512), side.clamp(64, 256))
 }
 
-/// A pass over its lines, target by target.
+/// One of the two passes, with its lines in the order of the targets.
 struct Pass<'a> {
     number: usize,
     lines: Vec<&'a Line>,
@@ -59,23 +59,23 @@ impl<'a> Pass<'a> {
         Pass { number, lines: plan.targets.iter().flat_map(of).collect() }
     }
 
-    /// What the pixels of a block look up along each line.
-    fn looks(&self, reach: &Reach, block: usize) -> Vec<Looks<'a>> {
+    /// The taps along each line that the pixels of a block read.
+    fn taps(&self, reach: &Reach, block: usize) -> Vec<BlockTaps<'a>> {
         let lines = self.lines.iter().enumerate();
-        lines.map(|(i, line)| reach.looks(self.number, i, line, block)).collect()
+        lines.map(|(i, line)| reach.taps(self.number, i, line, block)).collect()
     }
 }
 
-/// Fills the targets of the first pass at the lanes from `at` on.
+/// Fills the targets of the first pass, for the lanes starting at `at`.
 #[inline(always)]
-fn gather<const C: usize>(plan: &Plan, field: &mut Field, looks: &[Looks], at: usize) {
-    let own = Own::new(lane(&field.values, field.coc + at));
+fn gather<const C: usize>(plan: &Plan, field: &mut Field, taps: &[BlockTaps], at: usize) {
+    let pixel = PixelCoc::new(lane(&field.values, field.coc + at));
     let (mut near, mut rest) = (NearSum::<C>::NONE, RestSum::<C>::NONE);
-    let mut looks = looks.iter();
+    let mut taps = taps.iter();
     for (i, target) in plan.targets.iter().enumerate() {
-        for looks in looks.by_ref().take(target.gathered.len()) {
-            near.add(field, field.picture.near, looks.near, at);
-            rest.add(field, field.picture.rest, looks, at, &own);
+        for taps in taps.by_ref().take(target.gathered.len()) {
+            near.add(field, field.picture.near, taps.near, at);
+            rest.add(field, field.picture.rest, taps, at, &pixel);
         }
         let planes = field.targets[i];
         near.store(&mut field.values, field.area, planes.near, at);
@@ -83,16 +83,16 @@ fn gather<const C: usize>(plan: &Plan, field: &mut Field, looks: &[Looks], at: u
     }
 }
 
-/// Blurs and adds the targets, and lays the light in front over the rest.
+/// Blurs and adds the targets, and composites the light in front over the rest.
 #[inline(always)]
-fn shade<const C: usize>(plan: &Plan, field: &Field, looks: &[Looks], at: usize) -> [Lane; C] {
-    let own = Own::new(lane(&field.values, field.coc + at));
+fn shade<const C: usize>(plan: &Plan, field: &Field, taps: &[BlockTaps], at: usize) -> [Lane; C] {
+    let pixel = PixelCoc::new(lane(&field.values, field.coc + at));
     let (mut near, mut rest) = (NearSum::<C>::NONE, RestSum::<C>::NONE);
-    let mut looks = looks.iter();
+    let mut taps = taps.iter();
     for (target, planes) in plan.targets.iter().zip(&field.targets) {
-        for looks in looks.by_ref().take(target.spread.len()) {
-            near.add(field, planes.near, looks.near, at);
-            rest.add(field, planes.rest, looks, at, &own);
+        for taps in taps.by_ref().take(target.spread.len()) {
+            near.add(field, planes.near, taps.near, at);
+            rest.add(field, planes.rest, taps, at, &pixel);
         }
     }
     let mut out = [[0.0; LANES]; C];
@@ -106,13 +106,13 @@ fn shade<const C: usize>(plan: &Plan, field: &Field, looks: &[Looks], at: usize)
                 seen: rest.seen[i] * plan.scale,
                 sharp: sharp[i],
             };
-            out[c][i] = layers.over(own.coc[i]);
+            out[c][i] = layers.over(pixel.coc[i]);
         }
     }
     out
 }
 
-/// A tile in focus.
+/// Copies a tile that is in focus.
 fn copy_tile<const C: usize>(layer: &Layer, size: Size, tile: &mut Tile) {
     for (y, row) in tile.rows.iter_mut().enumerate() {
         let from = (tile.origin.1 + y) * size.width + tile.origin.0;
@@ -121,7 +121,7 @@ fn copy_tile<const C: usize>(layer: &Layer, size: Size, tile: &mut Tile) {
     }
 }
 
-/// Both passes over one tile.
+/// Runs both passes over one tile.
 #[inline(always)]
 fn shade_tile<const C: usize>(
     plan: &Plan,
@@ -131,15 +131,15 @@ fn shade_tile<const C: usize>(
 ) -> Result<()> {
     let (columns, rows) = (tile.rows[0].len() / C, tile.rows.len());
     let (before, second, stride) = (field.before, field.second, field.stride);
-    // Down strips as wide as the lanes, whose surroundings stay in the first level of the cache.
+    // The tile is processed in strips as wide as the lanes, whose surroundings stay in the first-level cache.
     let gathered = Pass::new(plan, 0, |target| &target.gathered);
     let left = second.left.next_multiple_of(LANES);
     for x in (before.0 - left..before.0 + columns + second.right).step_by(LANES) {
         cancel.check()?;
         for block in blocks(before.1 - second.above..before.1 + rows + second.below) {
-            let looks = gathered.looks(&field.reach, field.reach.block(x, block.start));
+            let taps = gathered.taps(&field.reach, field.reach.block(x, block.start));
             for y in block {
-                gather::<C>(plan, field, &looks, y * stride + x);
+                gather::<C>(plan, field, &taps, y * stride + x);
             }
         }
     }
@@ -147,9 +147,9 @@ fn shade_tile<const C: usize>(
     for x in (0..columns).step_by(LANES) {
         cancel.check()?;
         for block in blocks(before.1..before.1 + rows) {
-            let looks = spread.looks(&field.reach, field.reach.block(before.0 + x, block.start));
+            let taps = spread.taps(&field.reach, field.reach.block(before.0 + x, block.start));
             for y in block {
-                let colors = shade::<C>(plan, field, &looks, y * stride + before.0 + x);
+                let colors = shade::<C>(plan, field, &taps, y * stride + before.0 + x);
                 let out = &mut tile.rows[y - before.1][x * C..columns.min(x + LANES) * C];
                 interleave(colors.each_ref(), out);
             }
@@ -158,7 +158,7 @@ fn shade_tile<const C: usize>(
     Ok(())
 }
 
-/// Some rows, parted where blocks of them begin.
+/// Splits rows at the boundaries of blocks.
 fn blocks(rows: Range<usize>) -> impl Iterator<Item = Range<usize>> {
     let first = rows.start / BLOCK.1..rows.end.div_ceil(BLOCK.1);
     first.map(move |b| (b * BLOCK.1).max(rows.start)..((b + 1) * BLOCK.1).min(rows.end))

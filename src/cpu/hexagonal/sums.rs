@@ -1,8 +1,8 @@
-//! What the look-ups of a pixel add up to.
+//! The sums over the taps of a pixel.
 
 use super::field::{Field, Near, Rest};
 use super::lanes::{LANES, Lane, add, lane, lane_mut, parts, product, reduce, whole};
-use super::reach::{Looks, Taps};
+use super::reach::{BlockTaps, Taps};
 use crate::plan::hexagonal::Tap;
 use crate::rows::{greater, lesser};
 
@@ -11,7 +11,7 @@ fn look_up(at: usize, tap: Tap, stride: usize) -> usize {
     at.wrapping_add_signed(tap.dy as isize * stride as isize + tap.dx as isize)
 }
 
-/// Adds some of the light of planes to sums.
+/// Adds weighted light from several planes to sums.
 #[inline(always)]
 fn add_planes<const C: usize>(
     sums: &mut [Lane; C],
@@ -25,18 +25,18 @@ fn add_planes<const C: usize>(
     }
 }
 
-/// The circles of confusion of the pixels that are shaded.
+/// The circles of confusion of the shaded pixels.
 #[derive(Clone, Copy)]
-pub struct Own {
+pub struct PixelCoc {
     pub coc: Lane,
     least: f32,
     most: f32,
 }
 
-impl Own {
+impl PixelCoc {
     #[inline(always)]
-    pub fn new(coc: &Lane) -> Own {
-        Own { coc: *coc, least: reduce(*coc, lesser), most: reduce(*coc, greater) }
+    pub fn new(coc: &Lane) -> PixelCoc {
+        PixelCoc { coc: *coc, least: reduce(*coc, lesser), most: reduce(*coc, greater) }
     }
 }
 
@@ -45,14 +45,14 @@ impl Own {
 pub struct NearSum<const C: usize> {
     pub color: [Lane; C],
     pub coverage: Lane,
-    /// The largest circle of confusion among it.
+    /// The largest circle of confusion of that light.
     radius: Lane,
 }
 
 impl<const C: usize> NearSum<C> {
     pub const NONE: Self = NearSum { color: [[0.0; LANES]; C], coverage: [0.0; LANES], radius: [0.0; LANES] };
 
-    /// Adds what comes along a line.
+    /// Adds the light that arrives along a line.
     #[inline(always)]
     pub fn add(&mut self, field: &Field, near: Near, taps: Taps, at: usize) {
         let values = &field.values;
@@ -64,7 +64,7 @@ impl<const C: usize> NearSum<C> {
             let from = look_up(at, tap, field.stride);
             let radius = lane(values, near.radius + from);
             let weight = parts(tap, radius);
-            // What does not get there is not carried on.
+            // A circle of confusion that does not reach the pixel is not passed on.
             let mut carried = *radius;
             for i in 0..LANES {
                 carried[i] = if carried[i] > tap.from_px { carried[i] } else { 0.0 };
@@ -103,7 +103,7 @@ impl<const C: usize> NearSum<C> {
     }
 }
 
-/// What a pixel sees that is not in front.
+/// The light that a pixel receives from everything that is not in front.
 #[derive(Clone, Copy)]
 pub struct RestSum<const C: usize> {
     pub color: [Lane; C],
@@ -113,52 +113,53 @@ pub struct RestSum<const C: usize> {
 impl<const C: usize> RestSum<C> {
     pub const NONE: Self = RestSum { color: [[0.0; LANES]; C], seen: [0.0; LANES] };
 
-    /// Adds the mean of what is seen along a line.
+    /// Adds the mean of the visible light along a line.
     ///
-    /// A pixel behind the focus sees what circles of confusion of less than twice its own bring; one in front looks
-    /// behind itself as far as its own reaches; one in focus sees itself.
+    /// A pixel behind the focus receives light from circles of confusion smaller than twice its own. A pixel in front
+    /// gathers the light behind itself as far as its own circle reaches. A pixel in focus shows itself.
     #[inline(always)]
-    pub fn add(&mut self, field: &Field, rest: Rest, looks: &Looks, at: usize, own: &Own) {
+    pub fn add(&mut self, field: &Field, rest: Rest, taps: &BlockTaps, at: usize, pixel: &PixelCoc) {
         let values = &field.values;
         let mut sum = Self::NONE;
         let mut total = [0.0; LANES];
-        if own.most > 0.0 {
-            for &tap in looks.behind.all {
+        if pixel.most > 0.0 {
+            for &tap in taps.behind.all {
                 let from = look_up(at, tap, field.stride);
                 let weight = product(&whole(tap), lane(values, field.inverse + from));
                 add(&mut total, &weight);
                 add_planes(&mut sum.color, values, rest.color + from, field.area, &weight);
             }
-            for &tap in looks.behind.some {
+            for &tap in taps.behind.some {
                 let from = look_up(at, tap, field.stride);
                 let (coc, inverse) = (lane(values, field.coc + from), lane(values, field.inverse + from));
                 let mut near_enough = [0.0; LANES];
                 for i in 0..LANES {
-                    near_enough[i] = if coc[i] < 2.0 * own.coc[i] { coc[i] } else { 0.0 };
+                    near_enough[i] = if coc[i] < 2.0 * pixel.coc[i] { coc[i] } else { 0.0 };
                 }
                 let weight = product(&parts(tap, &near_enough), inverse);
                 add(&mut total, &weight);
                 add_planes(&mut sum.color, values, rest.color + from, field.area, &weight);
             }
         }
-        if own.least < 0.0 {
-            for &tap in looks.through.all {
-                sum.look(field, rest, look_up(at, tap, field.stride), &whole(tap), &mut total);
+        if pixel.least < 0.0 {
+            for &tap in taps.through.all {
+                sum.add_step(field, rest, look_up(at, tap, field.stride), &whole(tap), &mut total);
             }
-            for &tap in looks.through.some {
-                let weight = parts(tap, &own.coc.map(|coc| -coc));
-                sum.look(field, rest, look_up(at, tap, field.stride), &weight, &mut total);
+            for &tap in taps.through.some {
+                let weight = parts(tap, &pixel.coc.map(|coc| -coc));
+                sum.add_step(field, rest, look_up(at, tap, field.stride), &weight, &mut total);
             }
         }
-        // Where nothing reaches a pixel, it sees itself.
+        // A pixel that no light reaches shows itself.
         let (mut scale, mut alone) = ([0.0; LANES], [0.0; LANES]);
         for i in 0..LANES {
             (scale[i], alone[i]) = if total[i] > 0.0 { (1.0 / total[i], 0.0) } else { (0.0, 1.0) };
         }
         let seen = lane(values, rest.seen + at);
         for i in 0..LANES {
-            // What is behind the focus sees nothing but that, which is seen as much as itself.
-            self.seen[i] += if own.coc[i] < 0.0 { sum.seen[i] * scale[i] } else { seen[i] };
+            // A pixel behind the focus receives only light from behind the focus, which is as visible as the pixel
+            // itself.
+            self.seen[i] += if pixel.coc[i] < 0.0 { sum.seen[i] * scale[i] } else { seen[i] };
         }
         for c in 0..C {
             let color = lane(values, rest.color + c * field.area + at);
@@ -168,9 +169,9 @@ impl<const C: usize> RestSum<C> {
         }
     }
 
-    /// Adds what a pixel in front sees behind itself at one place.
+    /// Adds the light that a pixel in front finds behind itself at one tap.
     #[inline(always)]
-    fn look(&mut self, field: &Field, rest: Rest, from: usize, weight: &Lane, total: &mut Lane) {
+    fn add_step(&mut self, field: &Field, rest: Rest, from: usize, weight: &Lane, total: &mut Lane) {
         let seen = lane(&field.values, rest.seen + from);
         add(total, weight);
         add(&mut self.seen, &product(weight, seen));
@@ -186,7 +187,7 @@ impl<const C: usize> RestSum<C> {
     }
 }
 
-/// One channel of a pixel before its layers are put together.
+/// One channel of a pixel before its layers are composited.
 pub struct Layers {
     pub near: f32,
     pub coverage: f32,
@@ -198,9 +199,9 @@ pub struct Layers {
 impl Layers {
     #[inline(always)]
     pub fn over(&self, coc: f32) -> f32 {
-        // A surface in front is as opaque as it is there, and what it lets past is what is seen around it.
+        // A surface in front is as opaque as its coverage; the light that passes it is the visible light around it.
         let silhouette = (self.near + self.rest) / (self.coverage + self.seen);
-        // Blurred and sharp are blended over the first pixel of the circle of confusion.
+        // Blurred and sharp colours are blended over the first pixel of the circle of confusion.
         let blend = if coc < 1.0 { coc } else { 1.0 };
         let behind = self.sharp + blend * (self.rest - self.sharp);
         let excess = if self.coverage > 1.0 { self.coverage } else { 1.0 };

@@ -1,5 +1,5 @@
-//! Bounds of depth in small patches of cells: the fine level of the min/max depth hierarchy (Hi-Z). The sweep skips
-//! segments of rays where nothing is.
+//! Bounds of depth in small patches of cells: the fine level of the min/max depth hierarchy (Hi-Z). With them the
+//! sweep skips segments of rays that meet no cell.
 
 use super::padded_layer::PaddedLayer;
 use crate::plan::lens::padding::Padding;
@@ -10,28 +10,28 @@ use rayon::prelude::*;
 const PATCH: (usize, usize) = (8, 4);
 /// Columns and rows of the part of a tile whose rays are culled together. Parts begin with a patch.
 pub const PART: (usize, usize) = (32, 16);
-/// DepthCodes are told apart by their highest six bits.
+/// Codes are distinguished by their highest six bits.
 const SHIFT: u32 = 10;
 
-/// What is known of the cells of one layer in some place.
+/// Bounds for the cells of one layer in a region.
 #[derive(Debug, Clone, Copy)]
 struct Entry {
-    /// The depths that occur, to their highest bits.
+    /// The set of depths that occur, one bit for each value of the codes' highest bits.
     depths: u64,
-    /// Between which codes they lie.
+    /// The least and the greatest code that occur.
     least_lo: u16,
     greatest_hi: u16,
-    /// The codes that every ray meets are those above the greatest `lo` up to the least `hi`. There is none where a cell
-    /// is missing, or covers its pixel in part.
+    /// Every ray meets a cell in the codes above the greatest `lo` and up to the least `hi`. This range is empty if a
+    /// cell is missing, or covers its pixel only partly.
     greatest_lo: u16,
     least_hi: u16,
 }
 
 impl Entry {
-    /// No cell at all.
+    /// A region without cells.
     const EMPTY: Entry =
         Entry { depths: 0, least_lo: u16::MAX, greatest_hi: 0, greatest_lo: u16::MAX, least_hi: 0 };
-    /// Of no place: what adds nothing to any other.
+    /// An empty region: the neutral element of [`Entry::with`].
     const NOWHERE: Entry = Entry { greatest_lo: 0, least_hi: u16::MAX, ..Entry::EMPTY };
 
     #[inline(always)]
@@ -46,30 +46,31 @@ impl Entry {
     }
 }
 
-/// For each patch of the padded frame, then each layer: the cells of a part that begins anywhere in the patch.
+/// For each patch of the padded frame, then each layer: bounds for the cells of a part that begins anywhere in the
+/// patch.
 pub struct PatchBounds {
     across: usize,
     layers: usize,
     entries: Vec<Entry>,
 }
 
-/// A question to the bounds of a part: is there a cell in the codes `from .. to`?
+/// A query to the bounds of a part: is there a cell in the codes `from .. to`?
 #[derive(Debug, Clone, Copy)]
 pub struct Query {
-    /// From the part's own entry to that of the patch and layer in question.
+    /// Offset from the part's own entry to that of the patch and layer in question.
     entry: i32,
     from: u16,
     to: u16,
-    /// The depths, one of which has to occur.
+    /// The set of depths of which at least one must occur.
     depths: u64,
 }
 
 /// The answer to a [`Query`].
 #[derive(Debug, Clone, Copy)]
 pub struct Occupancy {
-    /// A cell for some rays, perhaps.
+    /// Some rays may meet a cell.
     pub any: bool,
-    /// A cell for every ray.
+    /// Every ray meets a cell.
     pub all: bool,
 }
 
@@ -79,8 +80,8 @@ fn bits(first: u16, last: u16) -> u64 {
     (u64::MAX << (first >> SHIFT)) & (u64::MAX >> (63 - (last >> SHIFT)))
 }
 
-/// Least and greatest of the codes of a patch's cells: of `lo`, then of `hi`. Where there is no cell the least `lo` is
-/// beyond all, and the least `hi` 0.
+/// Least and greatest code of a patch's cells: of `lo`, then of `hi`. An empty cell raises the least `lo` above all
+/// codes, and lowers the least `hi` to 0.
 #[inline(always)]
 fn ranges(lo: &[u16], hi: &[u16], stride: usize) -> [(u16, u16); 2] {
     let (mut least_lo, mut greatest_lo) = ([u16::MAX; PATCH.0], [0; PATCH.0]);
@@ -88,7 +89,7 @@ fn ranges(lo: &[u16], hi: &[u16], stride: usize) -> [(u16, u16); 2] {
     for row in 0..PATCH.1 {
         let (lo, hi) = (&lo[row * stride..][..PATCH.0], &hi[row * stride..][..PATCH.0]);
         for x in 0..PATCH.0 {
-            // An empty cell's code of 0 becomes the greatest of all.
+            // The code of an empty cell is 0; subtracting 1 makes it the greatest of all.
             least_lo[x] = least_lo[x].min(lo[x].wrapping_sub(1));
             greatest_lo[x] = greatest_lo[x].max(lo[x]);
             least_hi[x] = least_hi[x].min(hi[x]);
@@ -100,7 +101,7 @@ fn ranges(lo: &[u16], hi: &[u16], stride: usize) -> [(u16, u16); 2] {
     [(least(least_lo).saturating_add(1), greatest(greatest_lo)), (least(least_hi), greatest(greatest_hi))]
 }
 
-/// The patch at the beginning of `lo`, `hi` and `partial`, whose rows are bytes.
+/// The entry of the patch at the beginning of `lo`, `hi` and `partial`; a row of `partial` is one byte.
 #[inline(always)]
 fn entry(lo: &[u16], hi: &[u16], partial: &[u8], stride: usize) -> Entry {
     let [(least_lo, greatest_lo), (least_hi, greatest_hi)] = ranges(lo, hi, stride);
@@ -119,11 +120,11 @@ fn entry(lo: &[u16], hi: &[u16], partial: &[u8], stride: usize) -> Entry {
 }
 
 impl PatchBounds {
-    /// Those of all layers.
+    /// The bounds of all layers.
     pub fn new(padded: &[PaddedLayer], padding: &Padding, simd: Simd) -> PatchBounds {
         let (stride, layers) = (padding.stride, padded.len());
         let (across, down) = (stride / PATCH.0, padding.rows / PATCH.1);
-        // A part that does not begin with a patch touches one more.
+        // A part that does not begin with a patch overlaps one more patch.
         let (wide, high) = (PART.0 / PATCH.0 + 1, PART.1 / PATCH.1 + 1);
         let row = across * layers;
 
@@ -168,7 +169,7 @@ impl PatchBounds {
         (y / PATCH.1 * self.across + x / PATCH.0) * self.layers
     }
 
-    /// Asks for the codes `from .. to` of a layer, in the cells that lie `cell` away.
+    /// A query for the codes `from .. to` of a layer, in the cells at the offset `cell`.
     #[inline(always)]
     pub fn query(&self, cell: [i32; 2], layer: usize, from: u16, to: u16) -> Query {
         let [x, y] = [cell[0].div_euclid(PATCH.0 as i32), cell[1].div_euclid(PATCH.1 as i32)];
@@ -176,11 +177,11 @@ impl PatchBounds {
         Query { entry, from, to, depths: bits(from, to - 1) }
     }
 
-    /// The answer for the part of an entry.
+    /// The answer for the part whose entry is `entry`.
     #[inline(always)]
     pub fn occupancy(&self, entry: usize, query: &Query) -> Occupancy {
         let there = &self.entries[entry.wrapping_add_signed(query.entry as isize)];
-        // No branches: which of these fails cannot be foreseen.
+        // No branches, because it cannot be predicted which of these tests fails.
         let any = (there.depths & query.depths != 0)
             & (there.greatest_hi >= query.from)
             & (there.least_lo < query.to);
@@ -194,7 +195,7 @@ mod tests {
 
     const CELLS: usize = PATCH.0 * PATCH.1;
 
-    /// The answers of one patch, alone, for all codes, for few, and for others.
+    /// The answers of a single patch for all codes, for few codes, and for other codes.
     fn finds(lo: [u16; CELLS], hi: [u16; CELLS], partial: u8) -> [(bool, bool); 3] {
         let entry = entry(&lo, &hi, &[0, partial, 0, 0], PATCH.0);
         let patches = PatchBounds { across: 1, layers: 1, entries: vec![entry] };
@@ -208,21 +209,21 @@ mod tests {
     fn all_is_found_where_every_cell_is_met_and_covers_its_pixel() {
         let (lo, hi) = ([5000; CELLS], [5002; CELLS]);
         assert_eq!(finds(lo, hi, 0), [(true, true), (true, true), (false, false)]);
-        // A cell that covers its pixel in part.
+        // A cell that covers its pixel partly.
         assert_eq!(finds(lo, hi, 1 << 3), [(true, false), (true, false), (false, false)]);
-        // One that is missing.
+        // A missing cell.
         let without = |mut codes: [u16; CELLS]| {
             codes[9] = 0;
             codes
         };
         assert_eq!(finds(without(lo), without(hi), 0), [(true, false), (true, false), (false, false)]);
-        // One at another depth.
+        // A cell at another depth.
         let with = |mut codes: [u16; CELLS]| {
             codes[30] = 6500;
             codes
         };
         assert_eq!(finds(with(lo), with(hi), 0), [(true, true), (true, false), (true, false)]);
-        // None at all.
+        // No cell at all.
         assert_eq!(finds([0; CELLS], [0; CELLS], 0), [(false, false); 3]);
     }
 }

@@ -1,4 +1,4 @@
-//! Tiles that see one closed surface of nearly constant depth: the exact, area-weighted opening by running sums.
+//! Tiles that show one closed surface of nearly constant depth: the exact, area-weighted opening by running sums.
 
 use super::tile_color::TileColor;
 use crate::aperture::Kernel;
@@ -14,17 +14,17 @@ use crate::scene::grid::TILE;
 use crate::simd::Simd;
 use std::ops::{Add, Sub};
 
-/// Pixels convolved together.
+/// Number of pixels that are convolved together.
 const LANES: usize = 16;
-/// Rows of a tile of one depth that are convolved together: a whole tile has a multiple of these.
+/// Rows of a tile of one depth that are convolved together; the rows of a whole tile are a multiple of this.
 const ROWS: usize = 2;
 
-/// What runs are summed up in.
+/// The number type of running sums.
 ///
-/// In `f32`, a run that ends far along a row keeps the colour of its pixels to a hundred-thousandth, as long as none
-/// outshines the rest; a disc averages over many runs. Where highlights are still in the picture it takes `f64`.
+/// In `f32`, a run that ends far along a row keeps the colour of its pixels to a hundred-thousandth, as long as no
+/// pixel outshines the rest; a disc averages over many runs. If highlights are still in the picture, `f64` is needed.
 pub trait Real: Copy + Default + From<f32> + Add<Output = Self> + Sub<Output = Self> {
-    /// Rounded to what pictures hold.
+    /// Rounds to the number type of pictures.
     fn to_f32(self) -> f32;
 }
 
@@ -42,28 +42,29 @@ impl Real for f64 {
     }
 }
 
-/// A tile's surroundings as rows of running sums, with mirrored borders.
+/// The surroundings of a tile as rows of running sums, with mirrored borders.
 #[derive(Default)]
 pub struct RunningSums<T> {
     reach: usize,
     across: usize,
     down: usize,
-    /// Colour planes, and [`LANES`] more so that whole groups can be read.
+    /// Colour planes, and [`LANES`] more values so that whole groups can be read.
     color: Vec<f32>,
-    /// Running sums along each row of each plane, one more than there are columns, and [`LANES`] more.
+    /// Running sums along each row of each plane: one more value than there are columns, and [`LANES`] more at the
+    /// end.
     sums: Vec<T>,
     /// One row of the frame, all channels.
     row: Vec<f32>,
 }
 
-/// The group of values that begins at `at`.
+/// The group of values that starts at `at`.
 #[inline(always)]
 fn group<T>(values: &[T], at: usize) -> &[T; LANES] {
     values[at..].first_chunk().expect("planes are longer by a group")
 }
 
 impl<T: Real> RunningSums<T> {
-    /// Takes in the surroundings of the tile at `origin`.
+    /// Reads the surroundings of the tile at `origin`.
     fn fill(&mut self, size: Size, colors: &Colors, origin: (usize, usize), reach: usize) {
         let (across, down) = (TILE.0 + 2 * reach, TILE.1 + 2 * reach);
         (self.reach, self.across, self.down) = (reach, across, down);
@@ -78,7 +79,7 @@ impl<T: Real> RunningSums<T> {
         self.row.resize(n * size.channels, 0.0);
         for (j, &y) in rows.iter().enumerate() {
             if n == across {
-                // Nothing is mirrored.
+                // No column is mirrored.
                 colors.copy_row(y, first..last + 1, across * down, &mut self.color[j * across..]);
                 continue;
             }
@@ -91,7 +92,7 @@ impl<T: Real> RunningSums<T> {
         with_channels!(size.channels, C => self.sum_up::<C>());
     }
 
-    /// The running sums of all rows; those of the channels side by side, as each waits for its own last one.
+    /// Computes the running sums of all rows. The channels are interleaved, as each sum waits for its predecessor.
     fn sum_up<const C: usize>(&mut self) {
         let (across, down) = (self.across, self.down);
         let mut sums = self.sums.chunks_exact_mut((across + 1) * down);
@@ -113,7 +114,7 @@ impl<T: Real> RunningSums<T> {
         }
     }
 
-    /// A kernel as places here.
+    /// A kernel as indices into these sums and colours.
     fn disc(&self, kernel: &Kernel) -> Disc {
         let at = |dx: i32, dy: i32, across: usize| {
             let place = |d: i32| self.reach.wrapping_add_signed(d as isize);
@@ -129,7 +130,7 @@ impl<T: Real> RunningSums<T> {
 
     /// Convolves pixels `x .. x + LANES` of the `R` tile rows from `y` on with one disc.
     ///
-    /// Several rows together, since each sum waits for its own last one.
+    /// Several rows are processed together, since each sum waits for its predecessor.
     #[inline(always)]
     fn convolve<const R: usize>(&self, disc: &Disc, channel: usize, x: usize, y: usize) -> [[f32; LANES]; R] {
         let line = channel * self.down + y;
@@ -156,12 +157,12 @@ impl<T: Real> RunningSums<T> {
     }
 }
 
-/// A kernel as lists of places in [`RunningSums`], from that of the square around a pixel on.
+/// A kernel as lists of indices into [`RunningSums`], relative to the square around a pixel.
 struct Disc {
     run_weight: f32,
-    /// In the running sums: where runs begin and end.
+    /// Indices into the running sums: where runs begin and end.
     runs: Vec<[usize; 2]>,
-    /// In the colours: the pixels that the opening covers in part.
+    /// Indices into the colours: the pixels that the opening covers partly, with their weights.
     edges: Vec<(usize, f32)>,
 }
 
@@ -179,12 +180,12 @@ fn add_weighted(sum: &mut [f32; LANES], weight: f32, values: &[f32; LANES]) {
     }
 }
 
-/// The frame that discs are gathered from.
+/// The frame from which discs are gathered.
 pub struct Gather<'a> {
     pub size: Size,
     /// Colours of the surface.
     pub colors: &'a Colors,
-    /// Its shifts relative to infinity.
+    /// Shifts of the surface relative to infinity.
     pub s: &'a [f32],
     pub s_focus: f64,
     pub kernels: &'a Kernels,
@@ -193,8 +194,8 @@ pub struct Gather<'a> {
 }
 
 impl Gather<'_> {
-    /// The tile at `origin`, in strips of [`LANES`] columns: what a pixel sums up is then still near when the one below
-    /// it is summed up.
+    /// Renders the tile at `origin` in strips of [`LANES`] columns. The values that a pixel sums up are then still in
+    /// the cache when the pixel below it is summed up.
     pub fn tile<T: Real>(
         &self,
         origin: (usize, usize),
@@ -228,8 +229,8 @@ impl Gather<'_> {
         Ok(())
     }
 
-    /// Columns `x .. x + LANES` of a tile of different depths: of each disc in turn, what the pixels between it and the
-    /// next ones take.
+    /// Renders columns `x .. x + LANES` of a tile of varying depth. For each disc in turn, it adds the share of the
+    /// pixels that lie between this disc and its neighbours.
     fn tilted_strip<T: Real>(
         &self,
         around: &RunningSums<T>,
@@ -263,7 +264,7 @@ impl Gather<'_> {
     }
 }
 
-/// Adds the share that each of the pixels from `(x, y)` on has in one disc.
+/// Adds one disc to each of the pixels from `(x, y)` on, weighted by the pixel's share of it.
 #[inline(always)]
 fn add_shares<T: Real>(
     around: &RunningSums<T>,
@@ -279,7 +280,7 @@ fn add_shares<T: Real>(
     }
 }
 
-/// Columns `x .. x + LANES` of a tile of one depth.
+/// Renders columns `x .. x + LANES` of a tile of one depth.
 #[inline(always)]
 fn level_strip<T: Real>(
     around: &RunningSums<T>,

@@ -1,4 +1,4 @@
-//! Highlights drawn as the exact opening, each pixel of it with its own visibility.
+//! Highlights, drawn as the exact opening with visibility resolved for each pixel of it.
 
 use super::padded::Padded;
 use super::tile_color::TileColor;
@@ -8,7 +8,7 @@ use crate::plan::lens::optical_vignetting::PupilClip;
 use crate::scene::grid::{BLOCK, TILE};
 use rayon::prelude::*;
 
-/// What highlights are drawn in.
+/// The input for drawing highlights.
 pub struct HighlightPass<'a> {
     pub padded: &'a Padded,
     pub s_focus: f64,
@@ -16,7 +16,7 @@ pub struct HighlightPass<'a> {
     pub clip: Option<&'a PupilClip>,
 }
 
-/// Finds out which highlights anything may be in the way of.
+/// Finds the highlights that other cells may hide partly.
 pub fn find_hidden(highlights: &mut [Highlight], padded: &Padded, s_focus: f64) {
     highlights.par_iter_mut().for_each(|h| h.hidden_in_part = h.may_be_hidden(padded, s_focus));
 }
@@ -57,10 +57,10 @@ impl Highlight {
         })
     }
 
-    /// How much of a pixel's rays from about the lens point `l` meets nothing before it meets the highlight.
+    /// The fraction of a pixel's rays near lens point `l` that meet nothing before they meet the highlight.
     ///
-    /// The rays of a pixel are a beam as wide as the pixel itself at every depth; what covers a cell in part, and
-    /// the beam that passes there in part, lets the rest of it through.
+    /// The rays of a pixel are a beam as wide as the pixel at every depth. A cell that covers its pixel partly, and a
+    /// cell that the beam meets only partly, let the rest of the beam through.
     fn visible_from(&self, padded: &Padded, s_focus: f64, l: [f64; 2]) -> f32 {
         let longest = l[0].abs().max(l[1].abs());
         if self.is_covered(padded, s_focus, 0.5 / longest) {
@@ -72,10 +72,10 @@ impl Highlight {
         let code_per_step = 1.0 / (longest * padded.codes.step());
         let start = f64::from(padded.codes.encode((self.t + s_focus) as f32));
         let code = |k: f64| (start + k * code_per_step).min(f64::from(u16::MAX)) as u16;
-        // Step by step outwards from the highlight, a cell at a time along the longer axis.
+        // Steps outwards from the highlight, one cell at a time along the longer axis.
         let slope = [l[0] / longest, l[1] / longest];
         let steps = ((padded.reach_px - self.t) * longest).ceil() as i32;
-        // A straight edge may be met in more than one cell, and still hides what it hides once.
+        // A straight edge may be met in more than one cell, but must hide its part of the beam only once.
         let mut visible = 1.0f32;
         let mut k = 1;
         while k <= steps {
@@ -88,7 +88,7 @@ impl Highlight {
             let (from, to) = (code(f64::from(k) - 0.5), code(f64::from(k) + 0.5));
             let block = cell.map(|v| v as usize / BLOCK);
             if padded.bounds.range[block[1] * padded.bounds.across + block[0]].1 < from {
-                // Nothing in this block is near enough, and the ray only comes nearer.
+                // No cell in this block is near enough, and the ray only comes nearer to the camera.
                 k += steps_inside(cell, slope);
                 continue;
             }
@@ -96,7 +96,8 @@ impl Highlight {
             for layer in &padded.layers {
                 let (lo, hi) = (layer.lo[index], layer.hi[index]);
                 if hi >= from && lo < to {
-                    // Where the ray passes this cell, from its centre: on the ray through the highlight.
+                    // The position of the ray in this cell, relative to the cell's centre; the ray passes through the
+                    // highlight.
                     let t_cell = padded.codes.decode(f64::from(lo)) - s_focus - self.t;
                     let at = [0, 1].map(|i| (l[i] * t_cell - along[i].round()) as f32);
                     visible = visible.min(1.0 - layer.partial.covered(index, at));
@@ -110,10 +111,10 @@ impl Highlight {
         visible
     }
 
-    /// Adds the part of the disc that lies in a tile.
+    /// Adds the part of the disc that is inside a tile.
     fn draw(&self, pass: &HighlightPass, origin: (usize, usize), out: &mut TileColor) {
         let pad = pass.padded.padding.pad as i32;
-        // The highlight in the tile's coordinates; a pixel p sees it at the offset q - p of the kernel.
+        // The highlight in the tile's coordinates. A pixel p sees it at the offset q - p of the kernel.
         let (qx, qy) = (self.x - pad - origin.0 as i32, self.y - pad - origin.1 as i32);
         let kernel = pass.kernels.get(kernels::key(self.t));
         for row in &kernel.rows {
@@ -140,7 +141,7 @@ impl Highlight {
                     plane[y as usize * TILE.0 + x as usize] += weight * e;
                 }
             };
-            // Pixels qx - dx for dx in the run, cut to the tile.
+            // The pixels qx - dx for dx in the run, clipped to the tile.
             let first = (qx - row.run.1 + 1).max(0);
             let end = (qx - row.run.0 + 1).min(TILE.0 as i32);
             for x in first..end {
@@ -156,19 +157,19 @@ impl Highlight {
     }
 }
 
-/// After how many steps at the earliest a ray from `cell` leaves its block.
+/// A lower bound on the number of steps after which a ray from `cell` leaves its block.
 fn steps_inside(cell: [i32; 2], slope: [f64; 2]) -> i32 {
     let steps = |i: usize| {
         let (inside, block) = (cell[i] % BLOCK as i32, BLOCK as i32);
         let to_border = if slope[i] > 0.0 { block - inside } else { inside + 1 };
-        // Rounding to cells may gain one.
+        // Rounding to cells may gain one step.
         f64::from(to_border - 1) / slope[i].abs()
     };
     (steps(0).min(steps(1)) as i32).max(1)
 }
 
 impl Highlights {
-    /// Draws all that reaches tile number `tile`.
+    /// Draws all highlights that reach tile number `tile`.
     pub fn draw(&self, pass: &HighlightPass, tile: usize, origin: (usize, usize), out: &mut TileColor) {
         for &i in &self.by_tile[tile] {
             self.all[i as usize].draw(pass, origin, out);

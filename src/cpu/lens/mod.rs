@@ -1,7 +1,7 @@
 //! The flagship: an integral over the lens with visibility for every lens sample.
 //!
-//! [`padded`] lays the layered scene out for one focus, [`culling`] bounds its depths, and each tile is a copy, an exact
-//! [`disc`], or a [`sweep`]. [`highlights`] are drawn over them.
+//! [`padded`] lays the layered scene out for one focus, [`culling`] bounds its depths, and each tile is a copy, an
+//! exact [`disc`], or a [`sweep`]. [`highlights`] are drawn over them.
 
 mod culling;
 mod disc;
@@ -25,7 +25,7 @@ use crate::plan::lens::kernels::{self, Kernels};
 use crate::plan::lens::optical_vignetting::PupilClip;
 use crate::plan::lens::tiles::{self, Work};
 use crate::plan::lens::{Plan, Settings};
-use crate::rows::{AT_ONCE, interleave, with_channels};
+use crate::rows::{ITEMS_PER_TASK, interleave, with_channels};
 use crate::scene::colors::Colors;
 use crate::scene::grid::TILE;
 use crate::scene::layered::LayeredScene;
@@ -35,20 +35,20 @@ use rayon::prelude::*;
 use sweep::{Segments, Start};
 use tile_color::TileColor;
 
-/// Tiles that a worker takes at a time: some more, for each time it needs memory to work in.
-const TILES_AT_ONCE: usize = 4 * AT_ONCE;
+/// Tiles that a worker takes at a time: more than elsewhere, because it allocates scratch memory each time.
+const TILES_PER_TASK: usize = 4 * ITEMS_PER_TASK;
 
-/// What is rendered.
+/// The input of a render.
 pub struct Input<'a> {
     /// The picture.
     pub picture: &'a Picture,
-    /// What has been made of it.
+    /// The layered scene made from it.
     pub scene: &'a LayeredScene,
-    /// One pixel of the output will average so many along each axis, and so many fewer samples are enough.
+    /// The output averages this many pixels along each axis, so correspondingly fewer samples are enough.
     pub supersample: usize,
 }
 
-/// The picture through a lens, interleaved, into `out`.
+/// Renders the picture through a lens, interleaved, into `out`.
 pub fn render(
     input: &Input,
     optics: &Optics,
@@ -94,14 +94,14 @@ pub fn render(
     let keys = surfaces.iter().flat_map(Surface::keys).chain(highlights.shifts().map(kernels::key)).collect();
     let level = surfaces.iter().filter_map(Surface::level);
     let kernels = Kernels::new(&settings.aperture, s_focus, keys, level, cancel)?;
-    // What outshines the rest is on the layers' list, whether it is taken out or not.
+    // Every cell that outshines the rest is in the list of highlights, whether or not it was taken out of the layers.
     let none_outshines = highlights_are_out || surfaces.is_empty() || scene.bright(simd)[0].is_empty();
     let gather =
         disc::Gather { size, colors: &colors[0], s: &front.s, s_focus, kernels: &kernels, simd, cancel };
 
     let pass = highlights::HighlightPass { padded: &padded, s_focus, kernels: &kernels, clip: clip.as_ref() };
     let mut slots = split(out, size, TILE);
-    slots.par_iter_mut().zip(&tiles).enumerate().with_max_len(TILES_AT_ONCE).try_for_each_init(
+    slots.par_iter_mut().zip(&tiles).enumerate().with_max_len(TILES_PER_TASK).try_for_each_init(
         || (Segments::default(), Sums::default(), TileColor::new(size.channels)),
         |(segments, sums, color), (i, (slot, tile))| {
             cancel.check()?;
@@ -135,14 +135,14 @@ pub fn render(
     )
 }
 
-/// What discs are gathered from, without highlights or with them.
+/// The running sums from which discs are gathered, without highlights or with them.
 #[derive(Default)]
 struct Sums {
     dim: disc::RunningSums<f32>,
     any: disc::RunningSums<f64>,
 }
 
-/// The tile as the pinhole saw it: layers over one another.
+/// Renders a tile as the pinhole sees it: its layers composited.
 fn copy(picture: &Picture, origin: (usize, usize), out: &mut TileColor) {
     let (size, n) = (picture.size, picture.size.pixels());
     let across = TILE.0.min(size.width - origin.0);

@@ -1,4 +1,4 @@
-//! A layered scene laid out for the sweep, with a mirrored margin. Only blocks that some sweep reads are filled in.
+//! A layered scene laid out for the sweep, with a mirrored margin. Only blocks that some sweep reads are filled.
 
 use super::culling::PatchBounds;
 use super::padded_colors::Drawn;
@@ -12,22 +12,22 @@ use crate::scene::depth_codes::DepthCodes;
 use crate::scene::layered::LayeredScene;
 use crate::simd::Simd;
 
-/// Everything the sweep reads.
+/// All data that the sweep reads.
 pub struct Padded {
     pub padding: Padding,
     pub codes: DepthCodes,
-    /// The largest shift, in front of the focus plane or behind.
+    /// The largest shift, in front of the focus plane or behind it.
     pub reach_px: f64,
     pub layers: Vec<PaddedLayer>,
     pub bounds: DepthBounds,
     /// See [`padded_bounds::windows`].
     pub windows: Vec<DepthBits>,
-    /// Where which depths occur, more finely.
+    /// The finer bounds of depth.
     pub patches: PatchBounds,
 }
 
 impl Padded {
-    /// Lays out the depths of all layers in the needed blocks; colours come with [`Padded::set_colors`].
+    /// Lays out the depths of all layers in the needed blocks; colours follow with [`Padded::set_colors`].
     pub fn new(
         scene: &LayeredScene,
         padding: Padding,

@@ -14,7 +14,7 @@ use crate::simd::Simd;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Colours of cells as they are drawn: widened or sharpened to their footprint.
+/// The colours of cells as they are drawn: widened or sharpened to their footprint.
 pub struct Drawn<'a> {
     pub layers: &'a [SceneLayer],
     pub size: Size,
@@ -24,11 +24,11 @@ pub struct Drawn<'a> {
     pub simd: Simd,
 }
 
-/// Stretches of some rows of a layer's colours, and what is around them.
+/// Ranges of some rows of a layer's colours, with the neighbours that they need.
 #[derive(Default)]
 struct ColorRows {
     first: usize,
-    /// Rows of all channels, one after another; unknown but for the stretches.
+    /// Rows of all channels, one after another; undefined outside the ranges.
     rows: Vec<f32>,
 }
 
@@ -53,7 +53,7 @@ impl ColorRows {
         }
     }
 
-    /// Row `y` of one channel between its neighbours.
+    /// Row `y` of one channel with the rows above and below.
     fn rows(&self, size: Size, y: usize, channel: usize) -> Rows<'_> {
         let at =
             |y: usize| &self.rows[((y - self.first) * size.channels + channel) * size.width..][..size.width];
@@ -69,7 +69,7 @@ impl ColorRows {
 }
 
 impl Drawn<'_> {
-    /// A stretch of row `y` of one layer, into planes that begin with the stretch.
+    /// Writes a range of row `y` of one layer into planes that begin with this range.
     fn stretch(
         &self,
         band: &ColorRows,
@@ -111,7 +111,7 @@ impl Drawn<'_> {
         }
     }
 
-    /// The colour of any cell of the layer that `band` is of, sharpened by `kappa`.
+    /// The colour of any cell of the layer of `band`, sharpened by `kappa`.
     fn color_of(&self, band: &ColorRows, cell: Cell, kappa: f32) -> [f32; 4] {
         let own = band.at(self.size, cell.index);
         if kappa == 0.0 {
@@ -130,7 +130,7 @@ impl Drawn<'_> {
     }
 }
 
-/// Sharpens the cells of a chunk, all neighbours being on their surface.
+/// Sharpens the cells of a chunk, all of whose neighbours are on their surface.
 #[inline(always)]
 fn sharpen(rows: &Rows, chunk: &Range<usize>, kappa: &[f32; CHUNK], out: &mut [f32]) {
     let inner = rows.inner(chunk);
@@ -154,7 +154,7 @@ impl PaddedLayer {
         let bands = bands(self.color.iter_mut().map(|plane| &mut plane[frame.clone()]), stride * BLOCK);
         bands.into_par_iter().enumerate().for_each_init(ColorRows::default, |band, (i, mut planes)| {
             let rows = i * BLOCK..(i * BLOCK + planes[0].len() / stride);
-            // A band is a row of blocks.
+            // A band is one row of blocks.
             let stretches: Vec<_> = present.stretches(rows.start + pad).collect();
             let inside = stretches.iter().map(|stretch| {
                 let (inside, _) = parts(padding, stretch);

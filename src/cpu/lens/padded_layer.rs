@@ -10,11 +10,11 @@ use crate::scene::layer::SceneLayer;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Half-planes of the cells that cover their pixel in part, as padded planes.
+/// Half-planes of the cells that cover their pixel partly, as padded planes.
 pub struct PartialPlanes {
-    /// One bit a cell, rows of `stride / 8` bytes.
+    /// One bit per cell, in rows of `stride / 8` bytes.
     pub bits: Vec<u8>,
-    /// These mean something only where there is a half-plane; they are empty where there is none at all.
+    /// Defined only where there is a half-plane; all planes are empty if there are none.
     pub normal_x: Buffer<f32>,
     pub normal_y: Buffer<f32>,
     pub cut: Buffer<f32>,
@@ -47,7 +47,8 @@ impl PartialPlanes {
         planes
     }
 
-    /// How much of a beam one pixel wide, passing cell `i` at `at` from its centre, meets what the cell covers.
+    /// The fraction of a beam one pixel wide that cell `i` hides, if the beam passes it at the offset `at` from its
+    /// centre.
     pub fn covered(&self, i: usize, at: [f32; 2]) -> f32 {
         if self.bits[i / 8] >> (i % 8) & 1 == 0 {
             return 1.0;
@@ -64,7 +65,7 @@ pub struct Present {
 }
 
 impl Present {
-    /// Those that are needed and have a cell.
+    /// The blocks that are needed and contain a cell.
     pub fn new(bounds: &DepthBounds, layer: usize, needed: &[bool]) -> Present {
         let has_cells = |b: usize| bounds.occupied[b * bounds.layers + layer] != [0; 4];
         let blocks_present = needed.iter().enumerate().map(|(b, needed)| *needed && has_cells(b)).collect();
@@ -75,7 +76,7 @@ impl Present {
         self.blocks[py / BLOCK * self.across + px / BLOCK]
     }
 
-    /// Padded row `py` in stretches that are laid out, or are not, altogether.
+    /// Padded row `py`, divided into ranges that are either laid out completely or not at all.
     fn parts(&self, py: usize) -> impl Iterator<Item = (bool, Range<usize>)> + '_ {
         let row = &self.blocks[py / BLOCK * self.across..][..self.across];
         let mut end = 0;
@@ -86,23 +87,23 @@ impl Present {
         })
     }
 
-    /// The stretches of padded row `py` that are laid out.
+    /// The ranges of padded row `py` that are laid out.
     pub fn stretches(&self, py: usize) -> impl Iterator<Item = Range<usize>> + '_ {
         self.parts(py).filter_map(|(laid_out, stretch)| laid_out.then_some(stretch))
     }
 }
 
-/// One layer, padded. A cell is the column of depths from `lo` to `hi`, in codes; both are 0 where there is none.
+/// One layer, padded. A cell spans the depth codes from `lo` to `hi`; both are 0 where there is no cell.
 pub struct PaddedLayer {
     pub lo: Buffer<u16>,
     pub hi: Buffer<u16>,
-    /// Colour planes, which mean something only where there is a cell.
+    /// Colour planes; defined only where there is a cell.
     pub color: Vec<Buffer<f32>>,
     pub partial: PartialPlanes,
     pub(super) present: Present,
 }
 
-/// The part of a padded stretch that lies inside the frame, and what is left of it on both sides.
+/// The part of a padded range that is inside the frame, and the parts to its left and right.
 pub fn parts(
     padding: &Padding,
     stretch: &Range<usize>,
@@ -146,7 +147,7 @@ impl PaddedLayer {
         }
     }
 
-    /// The stretches of padded row `py` that are laid out.
+    /// The ranges of padded row `py` that are laid out.
     pub fn stretches(&self, py: usize) -> impl Iterator<Item = Range<usize>> + '_ {
         self.present.stretches(py)
     }

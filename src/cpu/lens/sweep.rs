@@ -1,8 +1,8 @@
 //! The sweep: for every sample, the nearest cell that each pixel's ray meets.
 //!
-//! While the shift of a sample stays within one pixel, all rays of a tile meet the cells at one and the same
-//! offset. So a ray through the scene is a list of segments, near to far, each "look at the cells at this
-//! offset, take those whose depth lies in this interval": contiguous loads, no z-buffer, no gather.
+//! While the shift of a sample stays within one pixel, all rays of a tile meet the cells at the same offset. So a ray
+//! through the scene is a list of segments, near to far. Each segment says: read the cells at this offset and take
+//! those whose depth lies in this interval. This needs contiguous loads only, no z-buffer and no gather.
 
 use super::culling::{PART, PatchBounds, Query};
 use super::lanes::{CellRay, HalfPlaneRow, Lanes, Portable};
@@ -17,29 +17,29 @@ use crate::scene::depth_bounds::{DepthBits, any_bin};
 use crate::scene::grid::{BLOCK, TILE};
 use crate::simd::{InstructionSet, Simd};
 
-/// Rows of a tile swept together.
+/// Rows of a tile that are swept together.
 const ROWS: usize = 2;
-/// The most cells of a row that any instruction set handles at once.
+/// The largest number of cells of a row that any instruction set processes together.
 const MOST: usize = PART.0;
 
 /// An interval of depth over which a sample's rays stay at one offset.
 #[derive(Debug, Clone, Copy, Default)]
 struct Segment {
-    /// From an output pixel to the cell, in padded cells.
+    /// Offset from an output pixel to the cell, in padded cells.
     offset: i32,
-    /// DepthCodes `from .. to`.
+    /// Depth codes `from .. to`.
     from: u16,
     to: u16,
     layer: u32,
-    /// Its own number.
+    /// The segment's own number.
     number: u32,
 }
 
-/// A segment of a ray.
+/// A segment of a ray, as traced.
 #[derive(Debug, Clone, Copy)]
 struct Traced {
     segment: Segment,
-    /// Whether anything is there.
+    /// The query whether any cell is there.
     query: Query,
     ray: CellRay,
 }
@@ -48,13 +48,14 @@ struct Traced {
 #[derive(Default)]
 pub struct Segments {
     traced: Vec<Traced>,
-    /// End of each sample's segments.
+    /// The end of each sample's segments.
     ends: Vec<u32>,
-    /// For each sample, the pixels of each row of the tile that see it; empty where all see all.
+    /// For each sample, the pixels of each row of the tile that see it. Empty if all pixels see all samples.
     seen: Vec<Seen>,
-    /// Where every ray of the part at hand meets the nearest cell, for the samples of which that is known.
+    /// For the samples for which it is known: the segment in which every ray of the current part meets its nearest
+    /// cell.
     met: Vec<Segment>,
-    /// The segments of the other samples that the part at hand could not cull.
+    /// The segments of the other samples that could not be culled for the current part.
     kept: Vec<Segment>,
     /// The numbers of those samples, and the ends of their kept segments.
     unknown: Vec<(u32, u32)>,
@@ -72,19 +73,19 @@ fn runs(occupied: &DepthBits) -> Vec<(usize, usize)> {
     runs
 }
 
-/// The tile that rays start from, and what they may meet.
+/// The tile from which rays start, and the depths and the second stop that they may meet.
 pub struct Start<'a> {
     pub padded: &'a Padded,
     pub s_focus: f64,
     pub origin: (usize, usize),
     /// The depths that occur anywhere within reach.
     pub occupied: &'a DepthBits,
-    /// What the second stop hides from pixels, if anything.
+    /// The clipping by the second stop, if there is one.
     pub clip: Option<&'a PupilClip>,
 }
 
 impl Start<'_> {
-    /// The depths of each layer that occur where the tile lies when it is moved by `cell`.
+    /// The depths of each layer that occur in the tile when it is moved by `cell`.
     #[inline(always)]
     fn depths_at(&self, cell: [i32; 2]) -> &[DepthBits] {
         let (pad, bounds) = (self.padded.padding.pad, &self.padded.bounds);
@@ -95,7 +96,7 @@ impl Start<'_> {
 }
 
 impl Segments {
-    /// How many samples a pixel of the tile sees.
+    /// The number of samples that a pixel of the tile sees.
     fn seen_from(&self, x: usize, y: usize) -> usize {
         if self.seen.is_empty() {
             return self.ends.len();
@@ -103,17 +104,18 @@ impl Segments {
         self.seen.iter().filter(|rows| rows[y] >> x & 1 != 0).count()
     }
 
-    /// Which of the pixels of `ROWS` rows from `(x, y)` on see sample number `sample`, if not all see all.
+    /// The pixels of `ROWS` rows from `(x, y)` on that see sample number `sample`; only for tiles in which not all
+    /// see all.
     #[inline(always)]
     fn seen_by(&self, sample: usize, (x, y): (usize, usize)) -> [u32; ROWS] {
         std::array::from_fn(|row| (self.seen[sample][y + row] >> x) as u32)
     }
 
-    /// Culls the segments of the part of the tile that begins at `place` of the padded frame.
+    /// Culls the segments for the part of the tile that begins at `place` in the padded frame.
     fn cull(&mut self, patches: &PatchBounds, place: (usize, usize)) {
         let Segments { traced, ends, met, kept, unknown, seen } = self;
         let entry = patches.entry(place);
-        // Room for all, so that to keep one is to count it.
+        // There is room for all segments, so keeping one only increments a counter.
         if kept.len() < traced.len() {
             kept.resize(traced.len(), Segment::default());
         }
@@ -127,7 +129,7 @@ impl Segments {
                 kept[n] = *segment;
                 n += usize::from(occupancy.any);
                 if occupancy.all {
-                    // Whatever lies behind is hidden.
+                    // All segments behind this one are hidden.
                     all = true;
                     break;
                 }
@@ -142,7 +144,7 @@ impl Segments {
         }
     }
 
-    /// Follows every sample through the depths that occur, near to far.
+    /// Traces every sample through the depths that occur, near to far.
     #[inline(always)]
     pub fn trace(&mut self, start: &Start, samples: &[LensSample]) {
         self.traced.clear();
@@ -159,7 +161,8 @@ impl Segments {
                 if sample.in_front == sample.behind {
                     self.trace_run(start, sample.in_front, sample.start, near, far);
                 } else {
-                    // At the focus all rays are where they start, so that one may go on as another.
+                    // At the focus all rays are where they started, so a ray through one lens point can continue as
+                    // another.
                     let focus = start.padded.codes.place(start.s_focus).round();
                     let focus = focus.clamp(far as f64, near as f64) as usize;
                     self.trace_run(start, sample.in_front, sample.start, near, focus);
@@ -170,7 +173,7 @@ impl Segments {
         }
     }
 
-    /// The segments of a ray from `ray_start` and through lens point `lens`, between two depths.
+    /// Traces a ray from `ray_start` through lens point `lens`, between two depths.
     #[inline(always)]
     fn trace_run(&mut self, start: &Start, lens: [f64; 2], ray_start: [f64; 2], near: usize, far: usize) {
         let Start { padded, s_focus, .. } = *start;
@@ -198,7 +201,7 @@ impl Segments {
     }
 }
 
-/// A layer as it is swept.
+/// The data of a layer that the sweep reads.
 struct Planes<'a, const C: usize> {
     lo: *const u16,
     hi: *const u16,
@@ -212,19 +215,19 @@ impl<const C: usize> Planes<'_, C> {
         Planes { lo: layer.lo.as_ptr(), hi: layer.hi.as_ptr(), color, partial: &layer.partial }
     }
 
-    /// Which of a row of cells, from `at` on, cover their pixel in part.
+    /// The cells of a row, starting at `at`, that cover their pixel only partly.
     ///
     /// # Safety
     ///
     /// The cells lie inside the padded arrays.
     #[inline(always)]
     unsafe fn partial(&self, at: usize) -> u32 {
-        // SAFETY: per the function's contract; there are some bytes more than cells.
+        // SAFETY: per the function's contract; the bits have some bytes more than there are cells.
         let word = unsafe { self.partial.bits.as_ptr().add(at / 8).cast::<u64>().read_unaligned() };
         (u64::from_le(word) >> (at % 8)) as u32
     }
 
-    /// Those of some cells, in a row from `at` on, that a ray meets where they cover their pixel.
+    /// Those of the given cells, in a row starting at `at`, that a ray meets where they cover their pixel.
     ///
     /// # Safety
     ///
@@ -250,13 +253,13 @@ impl<const C: usize> Planes<'_, C> {
     }
 }
 
-/// Sweeps `CELLS` x `ROWS` pixels whose first is at `at_tile` in the tile and at `base` in the padded frame, adding up
-/// every sample.
+/// Sweeps `CELLS` x `ROWS` pixels and adds up every sample. The first pixel is at `at_tile` in the tile and at `base`
+/// in the padded frame.
 ///
 /// # Safety
 ///
-/// The instructions of `L` have been detected, segments have been culled, and every segment's cells lie inside the padded
-/// arrays.
+/// The instructions of `L` have been detected, segments have been culled, and every segment's cells lie inside the
+/// padded arrays.
 #[inline(always)]
 unsafe fn sweep_rows<L: Lanes, const C: usize>(
     layers: &[Planes<C>],
@@ -370,7 +373,7 @@ unsafe fn sweep_tile<L: Lanes, const C: usize>(
                     };
                     let at = (y + row) * TILE.0 + x + lane;
                     for c in 0..C {
-                        // Where nothing at all was met, the pixel keeps what it saw itself.
+                        // If no sample met a cell, the pixel keeps the colour of its own cell.
                         out.planes[c][at] = if met > 0.0 {
                             sums[row][c][lane] / met
                         } else {
@@ -444,8 +447,8 @@ fn sweep_for(simd: Simd, channels: usize) -> SweepFn {
 ///
 /// # Safety
 ///
-/// The segments were traced in `padded`, from the tile at `origin`: the padding is at least as wide as the largest shift
-/// plus the half pixel of a ray's start, so that every segment stays inside.
+/// The segments were traced in `padded`, from the tile at `origin`: the padding is at least as wide as the largest
+/// shift plus the half pixel of a ray's start, so that every segment stays inside.
 pub unsafe fn sweep(
     simd: Simd,
     padded: &Padded,
@@ -455,6 +458,7 @@ pub unsafe fn sweep(
     out: &mut TileColor,
 ) {
     let sweep = sweep_for(simd, out.planes.len());
-    // SAFETY: the instructions have been detected, or there were no such `Simd`; the rest is this function's contract.
+    // SAFETY: the instructions have been detected, otherwise this `Simd` would not exist; the rest is this function's
+    // contract.
     unsafe { sweep(padded, segments, origin, missed, out) }
 }

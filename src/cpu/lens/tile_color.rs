@@ -1,4 +1,4 @@
-//! The picture of one tile, as it is computed.
+//! The picture of one tile while it is computed.
 
 use crate::scene::grid::TILE;
 

@@ -1,4 +1,4 @@
-//! Cells widened along their own surface, where lens samples are sparse.
+//! Widening of cells along their own surface, where lens samples are sparse.
 
 use crate::memory::Buffer;
 use crate::picture::Size;
@@ -12,8 +12,8 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// The colours of a layer, widened where lens samples are sparser than [`Footprint::sharpening`] can make up
-/// for; `None` if that is nowhere.
+/// The colours of a layer, widened where lens samples are too sparse for [`Footprint::sharpening`] to compensate;
+/// `None` if that is nowhere.
 pub fn widened(
     footprint: &Footprint,
     layer: &SceneLayer,
@@ -67,7 +67,7 @@ struct Pass<'a> {
 }
 
 impl Pass<'_> {
-    /// One row of all channels.
+    /// Filters one row of all channels.
     #[inline(always)]
     fn row(&self, source: &[f32], y: usize, weights: &mut [f32], out: &mut [&mut [f32]]) {
         let (w, h, d) = (self.size.width, self.size.height, self.reach);
@@ -86,7 +86,7 @@ impl Pass<'_> {
         }
     }
 
-    /// Adds what flows from the cells at `from` and after to those at `to`, in a row that starts at `start`.
+    /// Adds the exchange between the cells starting at `from` and the cells `to`, in a row that starts at `start`.
     #[inline(always)]
     fn add_flows(
         &self,
@@ -110,9 +110,9 @@ impl Pass<'_> {
         }
     }
 
-    /// The weights with which the cells at `from` and after flow to those at `to` and after, and whether there are any
-    /// but 0. What two cells exchange is the mean of what both want, so that no energy is lost; nothing crosses from
-    /// surface to surface.
+    /// Computes the weights of the exchange between the cells starting at `from` and those starting at `to`, and
+    /// returns whether any of them is not 0. The weight of two cells is the mean of what both want, so that no energy
+    /// is lost. There is no exchange between different surfaces.
     #[inline(always)]
     fn weigh(&self, from: usize, to: usize, weights: &mut [f32]) -> bool {
         let n = weights.len();

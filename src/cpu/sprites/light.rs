@@ -1,4 +1,4 @@
-//! Light over a pixel.
+//! The light of a pixel.
 
 use crate::picture::{Layer, Size};
 
@@ -13,7 +13,7 @@ pub struct Light<const C: usize> {
 impl<const C: usize> Light<C> {
     pub const NONE: Self = Light { color: [0.0; C], coverage: 0.0 };
 
-    /// Part of the light of pixel `at` of the picture.
+    /// A part of the light of pixel `at` of the picture.
     #[inline(always)]
     pub fn of(layer: &Layer, size: Size, at: usize, part: f32) -> Self {
         let mut light = Light { color: [0.0; C], coverage: part };
@@ -23,7 +23,7 @@ impl<const C: usize> Light<C> {
         light
     }
 
-    /// Adds so much of other light.
+    /// Adds other light with a weight.
     #[inline(always)]
     pub fn add(&mut self, weight: f32, light: &Light<C>) {
         for c in 0..C {
@@ -32,7 +32,7 @@ impl<const C: usize> Light<C> {
         self.coverage += weight * light.coverage;
     }
 
-    /// From this light to another.
+    /// Interpolates from this light to another.
     #[inline(always)]
     pub fn mix(&self, to: &Light<C>, fraction: f32) -> Light<C> {
         let mut light = *self;

@@ -1,4 +1,4 @@
-//! The pixels that are drawn, and what they are drawn as.
+//! The pixels that are drawn as sprites, and their sprites.
 
 use super::stamp::Stamp;
 use crate::cancel::Cancel;
@@ -11,30 +11,31 @@ use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-/// A pixel to be drawn.
+/// A pixel that is drawn as a sprite.
 #[derive(Debug, Clone, Copy)]
 pub struct Point {
     pub column: u32,
     step: i32,
     /// Radius of its circle of confusion.
     pub radius_px: f32,
-    /// How much of it is drawn.
+    /// The part of its light that is drawn.
     pub drawn: f32,
 }
 
 /// The pixels that are drawn into one layer.
 pub struct List {
-    /// Row by row, in the order of columns.
+    /// The points row by row, in the order of columns.
     pub rows: Vec<Vec<Point>>,
-    /// The lowest step, and the sprites of all steps from there, for even and odd columns of even rows and of odd ones.
+    /// The lowest step, and the sprites of all steps from there on: for even and odd columns of even rows, then of
+    /// odd rows.
     lowest: i32,
     stamps: Vec<Option<[Stamp; 4]>>,
-    /// Pixels of the picture that the largest sprite reaches.
+    /// Number of pixels of the picture that the largest sprite reaches.
     pub reach: usize,
 }
 
 impl List {
-    /// What is drawn in front of the focus, and behind.
+    /// The lists of the pixels in front of the focus and of those behind it.
     pub fn both(
         layer: &Layer,
         size: Size,
@@ -92,7 +93,7 @@ impl List {
         self.stamps.is_empty()
     }
 
-    /// The sprite of a point that lies at `(x, y)`, or is mirrored there.
+    /// The sprite of a point at `(x, y)`, which may be the position of its mirror image.
     #[inline(always)]
     pub fn stamp(&self, point: &Point, (x, y): (i64, i64)) -> &Stamp {
         let stamps = self.stamps[(point.step - self.lowest) as usize].as_ref();
@@ -100,17 +101,17 @@ impl List {
     }
 }
 
-/// What lies in a row of the picture, or the mirror image of it that is so far to the side.
+/// A row of the picture or one of its mirror images to the side.
 pub struct Image {
     /// Column `x` of the picture is at `origin + direction x`.
     origin: i64,
     direction: i64,
-    /// The columns that come within reach of the picture.
+    /// The columns within reach of the picture.
     columns: Range<i64>,
 }
 
 impl Image {
-    /// All images of rows of `width` pixels that come within `reach` of them.
+    /// All images of rows of `width` pixels that come within `reach` of the picture.
     pub fn all(width: usize, reach: usize) -> Vec<Image> {
         let (width, reach) = (width as i64, reach as i64);
         let periods = reach / (2 * width) + 1;
@@ -132,7 +133,7 @@ impl Image {
         &row[before(self.columns.start)..before(self.columns.end)]
     }
 
-    /// Where the image of a point is.
+    /// The column of the image of a point.
     #[inline(always)]
     pub fn column(&self, point: &Point) -> i64 {
         self.origin + self.direction * i64::from(point.column)

@@ -15,12 +15,12 @@ use list::{List, Point};
 use surroundings::Surroundings;
 use target::{Target, light_at};
 
-/// The picture, interleaved.
+/// Renders the picture, interleaved, into `out`.
 pub fn render(job: &Job, settings: &Settings, out: &mut [f32]) -> Result<()> {
     let Job { front: layer, size, optics, simd, cancel } = *job;
     let [in_front, behind] = List::both(layer, size, optics, settings, simd, cancel)?;
     with_channels!(size.channels, C => {
-        // What is not in front first, for it also shows past the edges of what is.
+        // Everything that is not in front comes first, because it also shows past the edges of what is in front.
         let target = Target::<C>::new(&behind, layer, size, simd, cancel)?;
         render_rows(out, size, cancel, || target.new_row(), |between, y, out| {
             let plane = |c: usize| &layer.color[c * size.pixels() + y * size.width..][..size.width];
@@ -46,7 +46,7 @@ pub fn render(job: &Job, settings: &Settings, out: &mut [f32]) -> Result<()> {
     })
 }
 
-/// Puts the light of points behind into their pixels in row `y`.
+/// Adds the light of the points behind to their pixels in row `y`.
 #[inline(always)]
 fn show_behind<const C: usize>(
     target: &Target<C>,
@@ -64,7 +64,7 @@ fn show_behind<const C: usize>(
     }
 }
 
-/// Lays the light in front over row `y`.
+/// Composites the light in front over row `y`.
 #[inline(always)]
 fn lay_in_front<const C: usize>(
     target: &Target<C>,
@@ -90,7 +90,7 @@ fn lay_in_front<const C: usize>(
     }
 }
 
-/// A pixel of which the part `drawn` lies behind, where it shows the mean of the light from there.
+/// A pixel of which the part `drawn` is behind the focus; it shows the mean of the light behind.
 #[inline(always)]
 fn behind<const C: usize>(mut sharp: [f32; C], drawn: f32, light: Light<C>) -> [f32; C] {
     if light.coverage > 0.0 {
@@ -101,10 +101,10 @@ fn behind<const C: usize>(mut sharp: [f32; C], drawn: f32, light: Light<C>) -> [
     sharp
 }
 
-/// The light in front over the rest of a pixel.
+/// Composites the light in front over the rest of a pixel.
 #[inline(always)]
 fn over<const C: usize>(mut rest: [f32; C], light: Light<C>) -> [f32; C] {
-    // Sprites of several depths cover a pixel once.
+    // Sprites of several depths cover a pixel only once.
     let excess = if light.coverage > 1.0 { light.coverage } else { 1.0 };
     let shown = 1.0 - light.coverage / excess;
     for c in 0..C {
@@ -113,8 +113,8 @@ fn over<const C: usize>(mut rest: [f32; C], light: Light<C>) -> [f32; C] {
     rest
 }
 
-/// A pixel under the light in front, of which the part `drawn` lies there itself: that is as opaque as it is there, and
-/// lets past what is `seen` around it.
+/// A pixel under the light in front, of which the part `drawn` is in front itself. It is as opaque as that light, and
+/// the light that passes it is the light `seen` around it.
 #[inline(always)]
 fn in_front<const C: usize>(mut over: [f32; C], drawn: f32, light: Light<C>, seen: Light<C>) -> [f32; C] {
     let total = light.coverage + seen.coverage;

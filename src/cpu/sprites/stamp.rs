@@ -1,26 +1,26 @@
-//! Sprites as they are drawn.
+//! Sprites in the form in which they are drawn.
 
 use super::light::Light;
 use crate::plan::sprites::Sprite;
 use std::ops::Range;
 
-/// Neighbouring weights that are multiplied at once.
+/// Number of neighbouring weights that are multiplied together.
 pub const QUAD: usize = 4;
 
-/// A sprite cut into quads of neighbours in a row, without those that are only zeros.
+/// A sprite cut into quads of neighbours in a row, without quads that are only zeros.
 ///
-/// That each quad has its place, and is not the next of its row, is for the compiler, too: it makes vectors of a quad's
-/// light, instead of looking for them across the quads of a row.
+/// Each quad stores its own position instead of following the previous one in its row. This also helps the compiler:
+/// it vectorises the light of a quad, instead of looking for vectors across the quads of a row.
 pub struct Stamp {
-    /// Where it begins, from the target's pixel that holds the one drawn.
+    /// Its first column and row, relative to the pixel of the target that contains the drawn pixel.
     left: i32,
     top: i32,
-    /// Columns that its quads take.
+    /// Number of columns that its quads take.
     across: i32,
     /// Row and column of each quad.
     places: Vec<[u16; 2]>,
     weights: Vec<[f32; QUAD]>,
-    /// The first quad of every row, and the end of the last.
+    /// The first quad of every row, and the end of the last one.
     rows: Vec<usize>,
 }
 
@@ -44,7 +44,7 @@ impl Stamp {
         stamp
     }
 
-    /// Pixels of the picture that it reaches; even.
+    /// Number of pixels of the picture that it reaches; even.
     pub fn reach(&self) -> usize {
         let (right, bottom) = (self.left + self.across, self.top + self.down());
         2 * (1 - self.left).max(1 - self.top).max(right).max(bottom) as usize
@@ -54,14 +54,14 @@ impl Stamp {
         self.rows.len() as i32 - 1
     }
 
-    /// The columns that it takes, drawn at column `x`.
+    /// The columns that it covers when drawn at column `x`.
     #[inline(always)]
     pub fn columns(&self, x: i64) -> Range<i64> {
         let left = x + i64::from(self.left);
         left..left + i64::from(self.across)
     }
 
-    /// The rows that it touches out of so many, drawn at row `y`.
+    /// The rows, out of so many, that it touches when drawn at row `y`.
     #[inline(always)]
     pub fn touches(&self, y: i64, rows: usize) -> Range<usize> {
         let top = y + i64::from(self.top);

@@ -1,4 +1,4 @@
-//! What is seen around what lies in front.
+//! The light around pixels in front, which shows past them.
 
 use super::light::Light;
 use super::list::List;
@@ -9,30 +9,32 @@ use crate::picture::Size;
 use crate::simd::Simd;
 use rayon::prelude::*;
 
-/// Rows that sums run through before they begin anew.
+/// Number of rows after which the sums begin anew.
 const BAND: usize = 64;
 
-/// What is not in front, as sums over rectangles from the first pixel of a band of rows on.
+/// Everything that is not in front, as sums over rectangles that start at the first pixel of a band of rows (a
+/// summed-area table).
 pub struct Surroundings<const C: usize> {
     size: Size,
     /// Colours and a number of pixels for every corner of a band's pixels, one more than there are pixels along each
-    /// axis. `f64`, so that a bright pixel does not drown what lies behind it. Nothing where nothing asks.
+    /// axis. They are `f64`, so that a bright pixel does not drown the pixels after it. Empty if no pixel in front
+    /// needs them.
     sums: Buffer<f64>,
 }
 
-/// Half the side of the square that is as large as a disc.
+/// Half the side of the square whose area is that of a disc.
 fn half_side(radius: f32) -> f64 {
     f64::from(radius) * std::f64::consts::PI.sqrt() / 2.0
 }
 
-/// From where to where the square around pixel `at` of `n` goes.
+/// The interval that the square around pixel `at` of `n` covers.
 fn ends(at: usize, half: f64, n: usize) -> [f64; 2] {
     let centre = at as f64 + 0.5;
     [(centre - half).max(0.0), (centre + half).min(n as f64)]
 }
 
 impl<const C: usize> Surroundings<C> {
-    /// Sums of an interleaved picture, but for what this list has in front.
+    /// Sums of an interleaved picture without the light that this list has in front.
     pub fn new(picture: &[f32], size: Size, list: &List, simd: Simd, cancel: &Cancel) -> Result<Self> {
         let mut asked = vec![false; size.height.div_ceil(BAND)];
         for (y, points) in list.rows.iter().enumerate() {
@@ -65,7 +67,7 @@ impl<const C: usize> Surroundings<C> {
         Ok(Surroundings { size, sums })
     }
 
-    /// The mean over the square around pixel `(x, y)` that is as large as a disc: what is seen, and how much of it.
+    /// The mean over the square around pixel `(x, y)` with the area of a disc: the light, and how much of it is seen.
     pub fn around(&self, x: usize, y: usize, radius: f32) -> Light<C> {
         let half = half_side(radius);
         let (xs, ys) = (ends(x, half, self.size.width), ends(y, half, self.size.height));
@@ -94,7 +96,7 @@ impl<const C: usize> Surroundings<C> {
         let (fx, fy) = (x - column as f64, y - row as f64);
         for (down, wy) in [(0, 1.0 - fy), (1, fy)] {
             for (right, wx) in [(0, 1.0 - fx), (1, fx)] {
-                // Past the last corner there is none, and its weight would be 0.
+                // There is no corner past the last one; its weight would be 0.
                 let w = weight * wx * wy;
                 if w != 0.0 {
                     let row = band * (BAND + 1) + row + down;
@@ -110,13 +112,14 @@ impl<const C: usize> Surroundings<C> {
     }
 }
 
-/// Light of pixels, and how many these are.
+/// The light of some pixels, and their number.
 struct Sum<const C: usize> {
     color: [f64; C],
     pixels: f64,
 }
 
-/// Sums up to the corners below a row of pixels, of which some part is the `rest`, from those `above` it.
+/// Computes the sums at the corners below a row of pixels from those `above` it; `rest` is the part of a pixel that
+/// is not in front.
 #[inline(always)]
 fn add_row<const C: usize>(pixels: &[f32], rest: &[f32], above: &[f64], out: &mut [f64]) {
     out[..C + 1].fill(0.0);

@@ -1,4 +1,4 @@
-//! The target of half the size that the sprites of one layer are drawn into.
+//! The half-size target into which the sprites of one layer are drawn.
 
 use super::light::Light;
 use super::list::{Image, List};
@@ -11,11 +11,11 @@ use crate::simd::Simd;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Rows of the target that one worker fills at a time.
+/// Number of rows of the target that one worker fills at a time.
 const BAND: usize = 16;
 
-/// Points whose light is added up before it is added to that of others: a share that is added to the sum of thousands
-/// loses to rounding what it does not lose beside a few.
+/// Number of points that are summed up separately before they are added to the others. A small contribution loses
+/// more precision when it is added to the sum of thousands than to the sum of a few.
 const FEW: usize = 1024;
 
 /// The light of one layer at half the size.
@@ -26,7 +26,7 @@ pub struct Target<const C: usize> {
 }
 
 impl<const C: usize> Target<C> {
-    /// Draws a whole list, and its mirror image beyond the border.
+    /// Draws a whole list, and its mirror images beyond the border.
     pub fn new(list: &List, layer: &Layer, size: Size, simd: Simd, cancel: &Cancel) -> Result<Self> {
         let (width, height) = (size.width.div_ceil(2), size.height.div_ceil(2));
         let reach = list.reach as i64;
@@ -68,8 +68,8 @@ impl<const C: usize> Target<C> {
         vec![Light::NONE; self.width + 2]
     }
 
-    /// Interpolates between two rows at the picture's row `y`, and repeats what is at both ends. Whether there is any
-    /// light.
+    /// Interpolates between two rows at the picture's row `y`, repeating the pixels at both ends. Returns whether
+    /// there is any light.
     #[inline(always)]
     pub fn between(&self, y: usize, out: &mut [Light<C>]) -> bool {
         let (from, fraction) = around(y);
@@ -94,20 +94,20 @@ pub fn light_at<const C: usize>(row: &[Light<C>], x: usize) -> Light<C> {
     row[from].mix(&row[from + 1], fraction)
 }
 
-/// The pixel of the target before a pixel of the picture, counted from the one before the first, and how far the
-/// picture's lies from its centre to the next one's.
+/// The pixel of the target before a pixel of the picture, counted from the one before the first, and the distance of
+/// the picture's pixel from its centre, in pixels of the target.
 #[inline(always)]
 fn around(at: usize) -> (usize, f32) {
     (at.div_ceil(2), if at.is_multiple_of(2) { 0.75 } else { 0.25 })
 }
 
-/// The light of a few points over a band of rows, with columns on either side for what hangs over.
+/// The light of a few points over a band of rows, with more columns on either side for sprites that extend past it.
 struct Few<const C: usize> {
     width: usize,
     margin: usize,
     stride: usize,
     sums: Vec<Light<C>>,
-    /// How many points these are, and the rows and columns that they touch.
+    /// The number of these points, and the rows and columns that they touch.
     points: usize,
     rows: Range<usize>,
     columns: Range<usize>,
@@ -144,7 +144,7 @@ impl<const C: usize> Few<C> {
         stamp.draw((x, y), rows, light, self.stride, &mut self.sums);
     }
 
-    /// Adds them to the band, and begins anew.
+    /// Adds them to the band, and starts again from zero.
     #[inline(always)]
     fn add_to(&mut self, out: &mut [Light<C>]) {
         let inside = self.columns.start.max(self.margin)..self.columns.end.min(self.margin + self.width);

@@ -1,4 +1,4 @@
-//! What the decoder found, in the words of this crate.
+//! Errors of the decoder as errors of this crate.
 
 use crate::files::error::Problem;
 

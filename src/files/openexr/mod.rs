@@ -1,8 +1,8 @@
 //! OpenEXR: any number of parts and channels, scan lines or tiles, half, float and unsigned samples.
 //!
-//! The blocks of a file are compressed one by one, so they are coded on several threads. The threads live no
-//! longer than the call: a thread pool that outlives it would hang in a process forked afterwards, and
-//! Python's `multiprocessing` forks.
+//! The blocks of a file are compressed separately, so they are encoded and decoded on several threads. The threads
+//! end with the call: a thread pool that outlives it would hang in a process forked afterwards, and Python's
+//! `multiprocessing` forks.
 
 mod error;
 mod parallel;

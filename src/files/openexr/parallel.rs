@@ -1,12 +1,12 @@
-//! The blocks of a file on several threads.
+//! Processes the blocks of a file on several threads.
 
 use crate::files::error::Problem;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-/// More threads than this wait for the one that reads or writes the file.
+/// The largest number of threads; more would only wait for the one that reads or writes the file.
 const MOST_THREADS: usize = 8;
 
-/// Calls `work` with 0, 1, .. `count - 1`, on several threads, and returns the first error met.
+/// Calls `work` with 0, 1, .. `count - 1` on several threads, and returns the first error.
 pub fn for_each_parallel(
     count: usize,
     work: impl Fn(usize) -> Result<(), Problem> + Sync,

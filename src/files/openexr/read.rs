@@ -1,4 +1,4 @@
-//! Reading chosen channels of one part.
+//! Reads selected channels of one part.
 
 use super::parallel::for_each_parallel;
 use crate::files::error::{Problem, Result};
@@ -36,10 +36,10 @@ impl From<IntegerBounds> for Window {
     }
 }
 
-/// What a file says about one of its parts.
+/// The description of one of a file's parts.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Part {
-    /// Its name; a file with one part needs none.
+    /// Its name; the only part of a file needs none.
     pub name: Option<String>,
     /// The names of its channels, sorted by the format.
     pub channels: Vec<String>,
@@ -49,12 +49,12 @@ pub struct Part {
     pub display_window: Window,
 }
 
-/// Which rectangle of pixels a picture is to have.
+/// The rectangle of pixels that is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum View {
-    /// What is meant to be seen: stored pixels outside it are left out, missing ones filled in.
+    /// The display window: stored pixels outside it are left out, and missing pixels are filled.
     Display,
-    /// What is stored.
+    /// The data window: all stored pixels.
     Data,
 }
 
@@ -75,9 +75,9 @@ pub fn parts(path: &Path) -> Result<Vec<Part>> {
     })
 }
 
-/// Reads channels of one part, side by side and as floats, in the order asked for.
+/// Reads channels of one part as floats, interleaved in the given order.
 ///
-/// Half samples are floats exactly, unsigned ones up to 2^24. Pixels of the display window that the file does
+/// Half samples are represented exactly, unsigned ones up to 2^24. Pixels of the display window that the file does
 /// not store become `fill`.
 pub fn read(path: &Path, part: usize, channels: &[String], view: View, fill: f32) -> Result<Raster> {
     with_path(path, || {
@@ -134,10 +134,10 @@ pub fn read(path: &Path, part: usize, channels: &[String], view: View, fill: f32
     })
 }
 
-/// Refuses sizes inside a DWA block that its pixels cannot need.
+/// Refuses sizes inside a DWA block that are larger than its pixels can need.
 ///
-/// Such a block begins with eleven 64-bit numbers: a version, then sizes, all believed by the decoder when it
-/// sets memory aside. Blocks are coded in squares of 8 x 8 samples, so even a single pixel may need 64.
+/// Such a block begins with eleven 64-bit numbers: a version, then sizes. The decoder trusts all of them when it
+/// allocates memory. Blocks are encoded in squares of 8 x 8 samples, so even a single pixel may need 64.
 fn check_dwa(chunk: &Chunk, header: &Header) -> std::result::Result<(), Problem> {
     const NUMBERS: usize = 11;
     if !matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
@@ -151,7 +151,7 @@ fn check_dwa(chunk: &Chunk, header: &Header) -> std::result::Result<(), Problem>
     let tile = header.get_block_data_indices(&chunk.compressed_block)?;
     let section = Window::from(header.get_absolute_block_pixel_coordinates(tile)?);
     if bytes.len() as u128 == area(section) * header.channels.bytes_per_pixel as u128 {
-        // A block that coding would not have made shorter is stored as it is.
+        // A block that compression would not have made shorter is stored uncompressed.
         return Ok(());
     }
     let most = 64 * header.max_block_byte_size() as u64 + 4096;
@@ -161,7 +161,7 @@ fn check_dwa(chunk: &Chunk, header: &Header) -> std::result::Result<(), Problem>
     }
 }
 
-/// A thread that panicked has already made the call fail; the others only have to end.
+/// A thread that panicked has already made the call fail; the other threads only have to end.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -175,9 +175,9 @@ fn text(text: &Text) -> String {
     String::from_utf8_lossy(text.as_slice()).into_owned()
 }
 
-/// Where the wanted channels lie in a row of a block: one channel after the other.
+/// The positions of the wanted channels in a row of a block, which holds one channel after another.
 struct Layout {
-    /// By wanted channel: bytes per pixel of all channels before it, and its type.
+    /// For each wanted channel: bytes per pixel of all channels before it, and its type.
     wanted: Vec<(usize, SampleType)>,
     bytes_per_pixel: usize,
 }
@@ -200,7 +200,7 @@ impl Layout {
     }
 }
 
-/// The picture while its blocks come in.
+/// The picture while its blocks are read.
 struct Picture {
     data: Window,
     frame: Window,

@@ -1,4 +1,4 @@
-//! Writing parts of named channels as scan lines.
+//! Writes parts of named channels as scan lines.
 
 use super::parallel::for_each_parallel;
 use crate::files::atomic;
@@ -38,26 +38,26 @@ impl Values<'_> {
 /// One channel of a part.
 #[derive(Clone, Debug)]
 pub struct Channel<'a> {
-    /// Its full name, with the layers it is in before dots.
+    /// Its full name, including the names of its layers, separated by dots.
     pub name: String,
-    /// Its samples, rows from the top.
+    /// Its samples, rows from top to bottom.
     pub values: Values<'a>,
 }
 
 /// One part of a file.
 #[derive(Clone, Debug)]
 pub struct Layer<'a> {
-    /// Its name, needed as soon as there are two.
+    /// Its name; required if there is more than one part.
     pub name: Option<String>,
     /// Columns.
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Its channels in any order.
+    /// Its channels, in any order.
     pub channels: Vec<Channel<'a>>,
 }
 
-/// The lossless compression of this name.
+/// The lossless compression with this name.
 pub fn compression(name: &str) -> std::result::Result<Compression, Problem> {
     match name {
         "none" => Ok(Compression::Uncompressed),
@@ -75,7 +75,7 @@ pub fn compression(name: &str) -> std::result::Result<Compression, Problem> {
 pub fn write(path: &Path, mut layers: Vec<Layer<'_>>, compression: Compression) -> Result<()> {
     atomic::replace(path, |writer| {
         for layer in &mut layers {
-            // The format wants its channels sorted by the bytes of their names.
+            // The format requires channels to be sorted by the bytes of their names.
             layer.channels.sort_by(|a, b| a.name.as_bytes().cmp(b.name.as_bytes()));
         }
         let headers = headers(&layers, compression)?;
@@ -102,7 +102,7 @@ pub fn write(path: &Path, mut layers: Vec<Layer<'_>>, compression: Compression) 
 }
 
 impl Layer<'_> {
-    /// The samples of a block of whole rows: in each row one channel after the other.
+    /// The samples of a block of whole rows; each row holds one channel after another.
     fn bytes(&self, index: BlockIndex) -> Vec<u8> {
         let top = index.pixel_position.y();
         let mut bytes = Vec::new();
@@ -152,7 +152,7 @@ fn describe(channel: &Channel<'_>) -> std::result::Result<ChannelDescription, Pr
             Values::F32(_) => SampleType::F32,
             Values::U32(_) => SampleType::U32,
         },
-        // Says how a lossy codec would quantise; these are lossless.
+        // Tells lossy codecs how to quantise; these are lossless.
         quantize_linearly: false,
         sampling: Vec2(1, 1),
     })

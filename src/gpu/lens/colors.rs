@@ -7,7 +7,7 @@ use crate::gpu::commands::{Commands, GROUP, groups, pixels};
 use crate::gpu::shader::{Shader, shader, shared};
 use crate::plan::lens::Plan;
 use crate::plan::lens::footprint::{MAX_WEIGHT, NEXT_CELLS, REACHES, STEPS_PER_PX};
-use crate::scene::colors::Own;
+use crate::scene::colors::CellColor;
 use crate::scene::edges::CONNECTED_PX;
 
 pub const REPLACE_COLORS: Shader = shader!("lens/replace_colors", [], [ReplaceParams, Replacement]);
@@ -17,7 +17,7 @@ pub const SHARPEN: Shader =
     shader!("lens/sharpen", ["mirror", "lens/depth_spans", "lens/footprint"], [SharpenParams, Footprint]);
 
 shared! {
-    /// Of cells that get another colour.
+    /// Parameters for cells whose colour is replaced.
     struct ReplaceParams {
         count: u32,
     }
@@ -41,7 +41,7 @@ shared! {
 }
 
 shared! {
-    /// Of one pass of widening.
+    /// Parameters of one widening pass.
     struct WidenParams {
         size: [u32; 2],
         reach: i32,
@@ -55,7 +55,7 @@ shared! {
 }
 
 shared! {
-    /// Of sharpening.
+    /// Parameters of sharpening.
     struct SharpenParams {
         size: [u32; 2],
         layers: u32,
@@ -68,21 +68,21 @@ shared! {
 pub enum Dim {
     /// There is no highlight.
     Same,
-    /// Their own buffer.
-    Own(wgpu::Buffer),
+    /// The colours are in a buffer of their own.
+    Copy(wgpu::Buffer),
 }
 
 impl Dim {
     pub fn buffer<'a>(&'a self, cells: &'a Cells) -> &'a wgpu::Buffer {
         match self {
             Dim::Same => &cells.colors,
-            Dim::Own(buffer) => buffer,
+            Dim::Copy(buffer) => buffer,
         }
     }
 }
 
-/// The colours with those of the `dimmed` cells of each layer.
-pub fn dim(commands: &mut Commands, cells: &Cells, dimmed: &[Vec<Own>]) -> Result<Dim> {
+/// The colours, with those of the `dimmed` cells of each layer replaced.
+pub fn dim(commands: &mut Commands, cells: &Cells, dimmed: &[Vec<CellColor>]) -> Result<Dim> {
     let layers = (0..).step_by(cells.size.pixels()).zip(dimmed);
     let replacements: Vec<Replacement> = layers
         .flat_map(|(first, dimmed)| {
@@ -109,10 +109,10 @@ pub fn dim(commands: &mut Commands, cells: &Cells, dimmed: &[Vec<Own>]) -> Resul
         &[Read(&replacements), Write(&colors)],
         groups(side.next_multiple_of(GROUP), side),
     )?;
-    Ok(Dim::Own(colors))
+    Ok(Dim::Copy(colors))
 }
 
-/// Those colours widened or sharpened to their footprint.
+/// The colours, widened or sharpened to their footprint.
 pub fn drawn(
     commands: &mut Commands,
     cells: &Cells,

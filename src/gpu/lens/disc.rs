@@ -1,4 +1,4 @@
-//! Tiles that see one closed surface of nearly constant depth.
+//! Tiles that show one closed surface of nearly constant depth.
 
 use super::frame::{LensFrame, MAX_LOOPS, origin, per_pixel};
 use super::kernels::{Disc, Kernels};
@@ -13,14 +13,14 @@ pub const SUM_ROWS: Shader = shader!("lens/sum_rows", [], [SumParams]);
 pub const DISC: Shader = shader!("lens/disc", ["mirror", "lens/kernels"], [DiscParams, Tile]);
 
 shared! {
-    /// Of running sums.
+    /// Parameters of the running sums.
     struct SumParams {
         size: [u32; 2],
     }
 }
 
 shared! {
-    /// Of discs.
+    /// Parameters of the discs.
     struct DiscParams {
         size: [u32; 2],
         s_focus: f32,
@@ -42,7 +42,7 @@ shared! {
     }
 }
 
-/// Draws the tiles from the front layer's `colors`.
+/// Renders the tiles from the front layer's `colors`.
 pub fn pass(
     commands: &mut Commands,
     frame: &LensFrame,
@@ -74,7 +74,7 @@ pub fn pass(
     let tile = |&(at, disc): &((usize, usize), Disc)| {
         let kernel = match disc {
             Disc::Same(kernel) => kernel as i32,
-            Disc::Own => -1,
+            Disc::PerPixel => -1,
         };
         Tile { origin: origin(at), kernel, _end: 0 }
     };
@@ -84,7 +84,7 @@ pub fn pass(
     let words = gpu.upload("the discs", &kernels.words)?;
     let buffers =
         [Read(colors), Read(&sums), Read(&cells.shifts), Read(&words), Read(&tiles), Write(picture)];
-    // Where a pixel lies between two discs, it has both.
+    // A pixel between two discs evaluates both.
     let rows_at_once = (MAX_LOOPS / (2 * (1 + kernels.widest_row))).max(1);
     for first_row in (0..kernels.most_rows).step_by(rows_at_once) {
         let end_row = (first_row + rows_at_once) as u32;

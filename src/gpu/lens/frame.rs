@@ -1,4 +1,4 @@
-//! What the passes over tiles have in common.
+//! The input that the passes over tiles share.
 
 use super::layered::Cells;
 use crate::plan::lens::Plan;
@@ -6,28 +6,29 @@ use crate::plan::lens::optical_vignetting::PupilClip;
 use crate::scene::depth_codes::DepthCodes;
 use crate::scene::grid::TILE;
 
-/// How often an invocation may go through its loops in one pass; what needs more is shared among passes. No pass then
-/// takes so long that a driver ends it, and llvmpipe, which silently leaves all loops after 65535 turns, never does.
+/// The largest number of loop iterations of an invocation in one pass; more work is divided among passes. So no pass
+/// takes so long that a driver ends it, and the limit of llvmpipe, which silently leaves all loops after 65535
+/// iterations, is never reached.
 pub const MAX_LOOPS: usize = 40_000;
-/// Rows of a tile that one workgroup has, a pixel for each invocation.
+/// Rows of a tile that one workgroup renders, with one pixel per invocation.
 pub const GROUP_ROWS: usize = 4;
 
-/// Workgroups that cover some tiles.
+/// The number of workgroups that cover some tiles.
 pub fn per_pixel(tiles: usize) -> [u32; 3] {
     [tiles as u32, TILE.1.div_ceil(GROUP_ROWS) as u32, 1]
 }
 
-/// The scene on the device, the plan, and the picture that passes write.
+/// The scene on the device, the plan, and the picture to which passes write.
 pub struct LensFrame<'a> {
     pub cells: &'a Cells,
     pub codes: &'a DepthCodes,
     pub plan: &'a Plan,
-    /// What the second stop hides, if anything.
+    /// The clipping by the second stop, if there is one.
     pub clip: Option<&'a PupilClip>,
     pub picture: &'a wgpu::Buffer,
 }
 
-/// The first pixel of a tile as shaders have it.
+/// The first pixel of a tile in the form that shaders use.
 pub fn origin((x, y): (usize, usize)) -> [u32; 2] {
     [x as u32, y as u32]
 }

@@ -1,4 +1,4 @@
-//! Bright points.
+//! Highlights, drawn as exact discs.
 
 use super::frame::{LensFrame, MAX_LOOPS, origin, per_pixel};
 use super::kernels::Kernels;
@@ -66,7 +66,7 @@ pub fn pass(
         return Ok(());
     }
     let pad = plan.padding.pad as i32;
-    // Each highlight is asked for its weight and followed along a ray.
+    // For each highlight, a pixel looks up its weight and follows a ray.
     let loops_each = plan.reach_px.ceil() as usize * 2 * (1 + cells.layers) + kernels.widest_row + 2;
     let at_once = (MAX_LOOPS / loops_each).max(1);
     let mut lists: Vec<u32> = Vec::new();
@@ -93,7 +93,7 @@ pub fn pass(
         })
         .collect();
     let nearest: Vec<u32> = plan.bounds.range.iter().map(|(_, nearest)| u32::from(*nearest)).collect();
-    // The table of open parts comes after the words of the discs.
+    // The table of open parts is stored after the words of the discs.
     let (second_stop, open) = SecondStop::new(clip, aperture.lean(), kernels.words.len());
     let params = HighlightsParams {
         size: pixels(cells.size),

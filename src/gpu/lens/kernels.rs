@@ -11,7 +11,7 @@ use crate::scene::layered::LayeredScene;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Words of a head, of a row and of a single pixel.
+/// Number of words of a head, of a row and of a single pixel.
 const HEAD: usize = 4;
 const ROW: usize = 4;
 const PARTIAL: usize = 2;
@@ -19,24 +19,24 @@ const PARTIAL: usize = 2;
 /// The disc of one tile.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Disc {
-    /// All its pixels have this kernel.
+    /// All pixels have this kernel.
     Same(usize),
-    /// Each pixel has its own, by its depth.
-    Own,
+    /// The kernel of each pixel depends on its depth.
+    PerPixel,
 }
 
-/// All kernels that a frame needs.
+/// All kernels of a frame.
 pub struct Kernels {
     pub words: Vec<u32>,
-    /// The most rows that any kernel has.
+    /// The largest number of rows of a kernel.
     pub most_rows: usize,
-    /// The most single pixels that any row has.
+    /// The largest number of single pixels of a row.
     pub widest_row: usize,
-    /// The disc that kernel 0 is, in steps of [`APART`]; the following ones are those of the next steps.
+    /// The disc of kernel 0, in steps of [`APART`]; the following kernels are the discs of the next steps.
     pub first_step: i32,
-    /// The tiles that are discs.
+    /// The tiles that are rendered as discs.
     pub tiles: Vec<((usize, usize), Disc)>,
-    /// For each highlight its kernel.
+    /// The kernel of each highlight.
     pub of_highlights: Vec<usize>,
 }
 
@@ -49,7 +49,7 @@ impl Kernels {
         cancel: &Cancel,
     ) -> Result<Kernels> {
         let s = &scene.layers[0].s;
-        // Tiles of one depth have exactly their own disc; others share discs by steps of radius.
+        // A tile of one depth has exactly its own disc. Other tiles share discs, quantised to radius steps.
         let discs = plan.tiles.par_iter().filter(|tile| tile.work == Work::Disc);
         let of = |tile: &Tile| (tile.origin, Surface::new(s, scene.size, plan.s_focus, tile.origin));
         let discs: Vec<_> = discs.map(of).collect();
@@ -75,7 +75,7 @@ impl Kernels {
 
         let disc = |surface: &Surface| match surface {
             Surface::Level(s) => Disc::Same(of_shift[&s.to_bits()]),
-            Surface::Tilted(_) => Disc::Own,
+            Surface::Tilted(_) => Disc::PerPixel,
         };
         Ok(Kernels {
             words: words(&all),
@@ -93,7 +93,7 @@ impl Kernels {
     }
 }
 
-/// Heads, then rows, then single pixels, each with the index of the words it points to.
+/// The words of all kernels: heads, then rows, then single pixels. Each points to the index of its own words.
 fn words(kernels: &[&Kernel]) -> Vec<u32> {
     let rows = kernels.iter().map(|kernel| kernel.rows.len()).sum::<usize>();
     let (first_row, first_partial) = (HEAD * kernels.len(), HEAD * kernels.len() + ROW * rows);
@@ -134,7 +134,7 @@ mod tests {
             assert_eq!(head[1] as usize, kernel.rows.len());
             assert_eq!(head[3], kernel.run_weight.to_bits());
             for (j, row) in kernel.rows.iter().enumerate() {
-                // Rows traverse one another without a gap.
+                // The rows are consecutive, without a gap.
                 assert_eq!(head[2].cast_signed() + j as i32, row.dy);
                 let own = &words[head[0] as usize + ROW * j..][..ROW];
                 assert_eq!((own[0].cast_signed(), own[1].cast_signed()), row.run);

@@ -15,38 +15,38 @@ use std::sync::Arc;
 pub const CHANNELS: Shader = shader!("lens/channels", [], [ChannelsParams]);
 
 shared! {
-    /// Of a choice of channels.
+    /// Parameters for a selection of channels.
     struct ChannelsParams {
         size: [u32; 2],
         channels: [u32; 2],
     }
 }
 
-/// Stands for the shift of an empty cell, because shaders need not know of NaN.
+/// The shift of an empty cell, because shaders cannot rely on NaN.
 pub const NOWHERE: f32 = 1e30;
-/// Stands for the connectivity of a layer that has none.
+/// The connectivity of a layer that has none.
 pub const NO_CONNECTIVITY: u8 = 128;
-/// Values that one worker converts at a time.
+/// Number of values that one worker converts at a time.
 const CHUNK: usize = 1 << 14;
 
 /// The cells of all layers, one layer after another.
 pub struct Cells {
     pub size: Size,
-    /// How many layers there are.
+    /// Number of layers.
     pub layers: usize,
-    /// DepthSpans: the farthest in the low half, the nearest in the high half.
+    /// Depth spans: the farthest code in the low half, the nearest in the high half.
     pub codes: wgpu::Buffer,
     pub shifts: wgpu::Buffer,
-    /// Four bytes to a word.
+    /// Four bytes per word.
     pub connectivity: wgpu::Buffer,
-    /// Four channels each.
+    /// Four channels per cell.
     pub colors: wgpu::Buffer,
-    /// For each cell 0 or one more than the number of its half-plane; then these, three words each.
+    /// For each cell 0, or one more than the index of its half-plane; then the half-planes, three words each.
     pub half_planes: wgpu::Buffer,
 }
 
 impl Cells {
-    /// Takes a layered scene to a device.
+    /// Uploads a layered scene to a device.
     pub fn new(gpu: &Arc<Gpu>, scene: &LayeredScene) -> Result<Cells> {
         let (size, n) = (scene.size, scene.size.pixels());
         let codes: Vec<u32> = scene
@@ -76,7 +76,7 @@ impl Cells {
         Ok(Cells { size, layers: scene.layers.len(), codes, shifts, connectivity, colors, half_planes })
     }
 
-    /// The same cells with one or two channels of their colours, for one job.
+    /// The same cells with only one or two channels of their colours, for one job.
     pub fn of_channels(&self, commands: &mut Commands, channels: &[usize]) -> Result<Cells> {
         const NONE: u32 = 4;
         let colors = commands.scratch::<[f32; 4]>("some channels of all cells", self.len())?;
@@ -96,13 +96,13 @@ impl Cells {
         })
     }
 
-    /// Cells of all layers.
+    /// Number of cells of all layers.
     pub fn len(&self) -> usize {
         self.layers * self.size.pixels()
     }
 }
 
-/// The colours of a layer, channels side by side.
+/// Interleaves the channels of a layer's colours.
 fn interleave(layer: &SceneLayer, size: Size, out: &mut [[f32; 4]]) {
     let planes = layer.colors.to_planes();
     let planes: Vec<&[f32]> = planes.chunks(size.pixels()).collect();

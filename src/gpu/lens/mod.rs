@@ -1,7 +1,7 @@
 //! Carries out [`plan::lens`](crate::plan::lens).
 //!
-//! The layered scene stays on the device; a focus costs what the plan takes. [`colors`] makes the cells' colours ready
-//! for it, then each tile is a copy, an exact [`disc`] or a [`sweep`], and [`highlights`] are laid over them.
+//! The layered scene stays on the device; another focus only uploads its plan. [`colors`] prepares the cells' colours
+//! for the focus. Then each tile is a copy, an exact [`disc`] or a [`sweep`], and [`highlights`] are added to them.
 
 pub(super) mod colors;
 pub(super) mod disc;
@@ -36,24 +36,24 @@ use kernels::Kernels;
 pub const COPY: Shader = shader!("lens/copy", ["mirror", "picture"], [CopyParams]);
 
 shared! {
-    /// Of tiles that are copied.
+    /// Parameters for tiles that are copied.
     struct CopyParams {
         size: [u32; 2],
         layers: u32,
     }
 }
 
-/// What is rendered.
+/// The input of a render.
 pub struct Input<'a> {
     pub picture: &'a GpuPicture,
     pub scene: &'a LayeredScene,
     pub cells: &'a Cells,
-    /// As `cpu::lens::render` takes it.
+    /// See `cpu::lens::Input`.
     pub supersample: usize,
 }
 
-/// What it needs of a device: rays go as far as the largest circle of confusion, from tiles that begin with them; cells
-/// are widened by what all [`REACHES`] are together, and highlights told by the blocks around them.
+/// What the method requires of a device. Rays reach as far as the largest circle of confusion around the tiles. Cells
+/// are widened by the sum of all [`REACHES`], and highlights are found by the blocks around them.
 pub fn requirements(scene: &LayeredScene, optics: &Optics) -> Requirements {
     let s_focus = optics.k * optics.d_focus;
     let reach_px = reach_px(scene, s_focus);
@@ -66,7 +66,7 @@ pub fn requirements(scene: &LayeredScene, optics: &Optics) -> Requirements {
     }
 }
 
-/// The picture.
+/// Renders the picture.
 pub fn render(
     commands: &mut Commands,
     input: &Input,
@@ -102,7 +102,7 @@ pub fn render(
     Ok(picture)
 }
 
-/// Tiles in focus.
+/// Copies the tiles that are in focus.
 fn copy(commands: &mut Commands, picture: &GpuPicture, plan: &Plan, out: &wgpu::Buffer) -> Result<()> {
     let copied = plan.tiles.iter().filter(|tile| tile.work == Work::Copy);
     let origins: Vec<[u32; 2]> = copied.map(|tile| origin(tile.origin)).collect();

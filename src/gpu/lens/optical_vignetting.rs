@@ -1,4 +1,4 @@
-//! What the second stop hides, for shaders: see `shaders/lens/optical_vignetting.wgsl`.
+//! The second stop in the form that shaders use: see `shaders/lens/optical_vignetting.wgsl`.
 
 use crate::gpu::shader::shared;
 use crate::plan::lens::optical_vignetting::PupilClip;
@@ -15,7 +15,8 @@ shared! {
 }
 
 impl SecondStop {
-    /// A second stop before an opening under a focus plane that leans, and its table of open parts, which lies at `first`.
+    /// The second stop in front of an opening, for a tilted focus plane, and its table of open parts, which is stored
+    /// at index `first`.
     pub fn new(clip: Option<&PupilClip>, lean: [f64; 2], first: usize) -> (SecondStop, Vec<f32>) {
         let none = SecondStop {
             centre: [0.0; 2],

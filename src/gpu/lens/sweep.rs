@@ -1,4 +1,4 @@
-//! Tiles where visibility matters.
+//! Tiles in which visibility has to be resolved for every lens sample.
 
 use super::frame::{LensFrame, MAX_LOOPS, origin};
 use crate::error::Result;
@@ -21,9 +21,9 @@ pub const SWEEP: Shader =
 
 /// Rows of a tile that one workgroup sweeps.
 pub const ROWS: usize = 16;
-/// Lens samples whose segments a workgroup looks at together.
+/// Number of lens samples whose segments a workgroup tests together.
 pub const BATCH: usize = 64;
-/// Segments of a sample that hold cells near a tile, more or less.
+/// A typical number of a sample's segments that contain cells near a tile.
 const FOLLOWED: usize = 20;
 
 shared! {
@@ -67,19 +67,19 @@ shared! {
     }
 }
 
-/// Depths as words of 32 bits.
+/// A set of depths as words of 32 bits.
 fn depth_words(bits: &DepthBits) -> [u32; 8] {
     std::array::from_fn(|i| (bits[i / 2] >> (32 * (i % 2))) as u32)
 }
 
-/// The segments of a ray through all depths, near to far: while its shift stays within one pixel, it meets cells at one
-/// and the same offset from the pixel that it starts from.
+/// The segments of a ray through all depths, near to far. While its shift stays within one pixel, the ray meets cells
+/// at the same offset from the pixel where it starts.
 struct Trace {
-    /// Cells that the ray passes a unit of depth, in front of the focus and behind it.
+    /// Number of cells that the ray passes per depth code, in front of the focus and behind it.
     slopes: [[f32; 2]; 2],
-    /// The segments in front, then those behind.
+    /// The segments in front of the focus, then those behind it.
     segments: Vec<Segment>,
-    /// How many of them are in front.
+    /// Number of segments in front of the focus.
     in_front: usize,
 }
 
@@ -99,7 +99,7 @@ impl Trace {
             segments.len()
         };
         let (nearest, farthest) = (usize::from(u16::MAX), 1);
-        // At the focus all rays are where they start, so that one may go on as another.
+        // At the focus all rays are where they started, so a ray through one lens point can continue as another.
         let one_ray = sample.in_front == sample.behind;
         let focus = if one_ray { farthest as f64 } else { codes.place(s_focus).round() };
         let focus = focus.clamp(farthest as f64, nearest as f64) as usize;
@@ -109,8 +109,8 @@ impl Trace {
     }
 }
 
-/// The columns of each row of a frame that see a sample: the first in the low half, and the one after the last. Rows are
-/// filled up to whole words of four.
+/// For each row of a frame, the columns that see a sample: the first column in the low half, and the one after the
+/// last in the high half. The rows are padded to whole words of four.
 fn columns(clip: &PupilClip, sample: &lens_samples::LensSample, size: Size) -> Vec<u32> {
     let of_row = |y: usize| {
         let inside = |v: f64| v.clamp(0.0, size.width as f64) as u32;
@@ -123,9 +123,9 @@ fn columns(clip: &PupilClip, sample: &lens_samples::LensSample, size: Size) -> V
 struct Traces {
     /// Lens samples, then segments, then the columns that see each sample.
     words: Vec<[u32; 4]>,
-    /// For each number of samples the first one.
+    /// The index of the first sample for each number of samples.
     first_samples: BTreeMap<usize, u32>,
-    /// The most segments that any sample has.
+    /// The largest number of segments of a sample.
     longest: usize,
 }
 
@@ -163,7 +163,7 @@ impl Traces {
     }
 }
 
-/// Sweeps the tiles over the `drawn` colours.
+/// Sweeps the tiles with the colours `drawn`.
 pub fn pass(commands: &mut Commands, frame: &LensFrame, drawn: &wgpu::Buffer) -> Result<()> {
     let LensFrame { cells, codes, plan, clip, picture } = *frame;
     let gpu = commands.gpu;
@@ -204,7 +204,8 @@ pub fn pass(commands: &mut Commands, frame: &LensFrame, drawn: &wgpu::Buffer) ->
         Write(&left_out),
         Write(picture),
     ];
-    // An invocation looks at all segments of one sample of each batch, and follows all its samples.
+    // An invocation tests all segments of one sample of each batch, and follows the picked segments of all its
+    // samples.
     let loops_a_batch = longest * (2 + 2 * cells.layers) + BATCH * FOLLOWED * (1 + cells.layers);
     let at_once = (MAX_LOOPS / loops_a_batch).max(1) * BATCH;
     let most = plan.sample_sets.keys().copied().max().unwrap_or(0);

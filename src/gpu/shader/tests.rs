@@ -14,7 +14,7 @@ use naga::{Expression, Literal, Module, TypeInner, front::wgsl};
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// Every shader there is.
+/// All shaders.
 const SHADERS: [Shader; 33] = [
     by_focus::BY_FOCUS,
     falloff::FALLOFF,
@@ -51,10 +51,10 @@ const SHADERS: [Shader; 33] = [
     taps::TAPS,
 ];
 
-/// Storage buffers that a pass may have, as WebGPU promises.
+/// The number of storage buffers that WebGPU guarantees to a pass.
 const MOST_BUFFERS: usize = 8;
 
-/// Only what every GPU can do.
+/// Validates a shader with only those capabilities that every GPU has.
 fn validated(shader: &Shader) -> (Module, ModuleInfo) {
     let module = wgsl::parse_str(shader.source)
         .unwrap_or_else(|error| panic!("{}", error.emit_to_string(shader.source)));
@@ -97,7 +97,7 @@ fn structures_lie_as_in_rust() {
     for shader in &SHADERS {
         let (module, _) = validated(shader);
         for layout in shader.shared {
-            // Several shaders have parameters of their own, all of that name in WGSL.
+            // Several shaders have parameters of their own, which are all named `Params` in WGSL.
             let name = if layout.name.ends_with("Params") { "Params" } else { layout.name };
             let found = module.types.iter().find_map(|(_, ty)| match &ty.inner {
                 TypeInner::Struct { members, span } if ty.name.as_deref() == Some(name) => {
@@ -119,7 +119,7 @@ fn structures_lie_as_in_rust() {
     }
 }
 
-/// The constants that shaders and Rust both state: a part of the shader's name, the constant, and Rust's value.
+/// Constants that both shaders and Rust state: a part of the shader's name, the constant, and Rust's value.
 const STATED_TWICE: [(&str, &str, f64); 14] = [
     ("levels/filter", "GROUP", GROUP as f64),
     ("lens/", "NOWHERE", lens::layered::NOWHERE as f64),
@@ -136,17 +136,17 @@ const STATED_TWICE: [(&str, &str, f64); 14] = [
     ("sprites/", "IN_FRONT", sprites::Depth::InFront as u32 as f64),
     ("sprites/", "BEHIND", sprites::Depth::Behind as u32 as f64),
 ];
-/// The constants that shaders alone know of.
+/// Constants that only shaders use.
 const OF_SHADERS: [&str; 9] =
     ["CAPACITY", "CORNERS", "FARTHEST", "LEAST_TOTAL", "MARGIN", "NO_CELL", "SIDE", "TAU", "THREADS"];
 
-/// Threads of a shader's workgroups along each axis, as the passes count on.
+/// Threads of a shader's workgroups along each axis, as the passes expect them.
 fn threads(shader: &str) -> [u32; 3] {
     let [width, height] = match shader {
         "lens/copy" | "lens/disc" | "lens/sweep" | "lens/highlights" => [TILE.0, lens::frame::GROUP_ROWS],
         "sprites/count" | "sprites/append" | "sprites/offsets" | "sprites/rest" => [sprites::CHUNK, 1],
         "lens/sum_rows" => [256, 1],
-        // No compute shaders.
+        // These are not compute shaders.
         "sprites/place" | "sprites/weigh" => return [0; 3],
         _ => [GROUP, GROUP],
     };
@@ -195,7 +195,7 @@ fn shaders_are_portable() {
     }
 }
 
-/// Into the languages of Vulkan, Metal and Direct3D.
+/// Translates a shader to the languages of Vulkan, Metal and Direct3D.
 fn translate(shader: &Shader, module: &Module, info: &ModuleInfo, channels: usize) {
     use naga::back::{PipelineConstants, hlsl, msl, pipeline_constants::process_overrides, spv};
     let constants = shader.constants(channels).into_iter();
@@ -210,7 +210,7 @@ fn translate(shader: &Shader, module: &Module, info: &ModuleInfo, channels: usiz
     hlsl::Writer::new(&mut text, &options, &pipeline)
         .write(&module, &info, None)
         .unwrap_or_else(|error| panic!("{} to HLSL: {error}", shader.name));
-    // Metal 2 is the least that has numbers of instances for indirect draws.
+    // Metal 2 is the first version with the instance counts that indirect draws need.
     let options = msl::Options { fake_missing_bindings: true, lang_version: (2, 0), ..Default::default() };
     msl::write_string(&module, &info, &options, &msl::PipelineOptions::default())
         .unwrap_or_else(|error| panic!("{} to Metal: {error}", shader.name));

@@ -1,9 +1,9 @@
 //! Carries out [`plan::sprites`](crate::plan::sprites).
 //!
 //! Points are appended to a list, drawn as instanced quads that the device blends into targets of half the size, and
-//! resolved over the picture. The list is in the order of the picture: each workgroup counts its points, the counts are
-//! summed up to the places where each appends its own. Quads are blended in the order of the list, so that every run
-//! adds up the same numbers in the same order.
+//! resolved over the picture. The list is in the order of the picture: each workgroup counts its points, and the
+//! prefix sums of these counts are the positions at which each workgroup appends its own. Quads are blended in the
+//! order of the list, so that every run adds the same numbers in the same order.
 
 mod table;
 
@@ -58,13 +58,13 @@ pub const IN_FRONT: Shader = shader!(
 
 const DRAW: Draw = Draw { name: "sprites/draw", vertex: &PLACE, fragment: &WEIGH };
 
-/// Points of one workgroup.
+/// Number of points of one workgroup.
 pub const CHUNK: usize = 256;
-/// Workgroups to a row of them; a device may have 65535.
+/// Number of workgroups in a row of them; a device may be limited to 65535.
 const MOST_ACROSS: usize = 1 << 14;
-/// Pixels that one pass of [`GATHER`] looks at, at most.
-const MAX_LOOKS: usize = 30_000;
-/// Words of one indirect draw.
+/// The largest number of pixels that an invocation of [`GATHER`] reads in one pass.
+const MAX_READS: usize = 30_000;
+/// Number of words of one indirect draw.
 const DRAW_WORDS: usize = 4;
 
 shared! {
@@ -114,33 +114,33 @@ impl Light {
     }
 }
 
-/// A layer that sprites are drawn into.
+/// A layer into which sprites are drawn.
 #[derive(Debug, Clone, Copy)]
 pub enum Depth {
     InFront = 0,
     Behind = 1,
 }
 
-/// What it needs of a device: sprites are padded to whole pixels of the targets, and what lies behind the layer in front
-/// is looked for as far again.
+/// What the method requires of a device. Sprites are padded to whole pixels of the targets, and the search for the
+/// background behind the layer in front reads as far again.
 pub fn requirements(settings: &Settings, largest_px: f64) -> Requirements {
     let reach_px = largest_px.min(settings.max_coc_px()).ceil() as usize + 6;
     let bytes_per_px = size_of::<[f32; 4]>();
     Requirements { bytes_per_px, around_px: reach_px, block_px: 2, ..Requirements::reaching(2 * reach_px) }
 }
 
-/// The step that sprites at a disparity are drawn with.
+/// The step with which sprites at a disparity are drawn.
 fn step_at(optics: &Optics, settings: &Settings, d: f32) -> i32 {
     step(settings.cut(-optics.shift_px(f64::from(d))))
 }
 
-/// The steps that the sprites of a picture need.
+/// The steps of all sprites of a picture.
 pub fn steps(scene: &GpuPicture, optics: &Optics, settings: &Settings) -> RangeInclusive<i32> {
     let [least, greatest] = scene.disparity_range;
     step_at(optics, settings, greatest)..=step_at(optics, settings, least)
 }
 
-/// The picture, from a table that holds all [`steps`] of it.
+/// Renders the picture with a table that contains all its [`steps`].
 pub fn render(
     commands: &mut Commands,
     table: &Table,
@@ -178,7 +178,7 @@ pub fn render(
 
     let on_all = groups(size.width, size.height);
     let input = [Read(&scene.color), Read(&scene.disparity)];
-    // Where there is nothing behind, its light is never looked at.
+    // If no pixel is behind the focus, the light of that layer is never read.
     let behind = behind.map_or_else(|| Light::new(commands, 1), Ok)?;
     let buffers = [input[0], input[1], Read(&behind.color), Read(&behind.coverage), Write(&picture)];
     commands.pass(&BEHIND, size.channels, &params, &buffers, on_all)?;
@@ -196,7 +196,7 @@ pub fn render(
     Ok(picture)
 }
 
-/// What is drawn.
+/// The points that are drawn.
 struct Points<'a> {
     scene: &'a GpuPicture,
     table: &'a Table,
@@ -211,7 +211,7 @@ impl Points<'_> {
         [Read(&scene.color), Read(&scene.disparity), Read(boundaries), Read(&table.sprites)]
     }
 
-    /// The light of the layers in front and behind, as far as these steps have any.
+    /// The light of the layers in front and behind, if any of these steps are in them.
     fn layers(&self, commands: &mut Commands, steps: &RangeInclusive<i32>) -> Result<[Option<Light>; 2]> {
         let wanted = [*steps.start() < 0, *steps.end() > 0].map(|any| any && self.reach > 0);
         let half = self.params.half.map(|v| v as usize);
@@ -234,7 +234,7 @@ impl Points<'_> {
         Ok([layer(Depth::InFront)?, layer(Depth::Behind)?])
     }
 
-    /// The list of all points, and the two draws of it.
+    /// The list of all points, and the two indirect draws for it.
     fn list(&self, commands: &mut Commands) -> Result<(wgpu::Buffer, wgpu::Buffer)> {
         let size = self.scene.size;
         let all = (size.width + 2 * self.reach) * (size.height + 2 * self.reach);
@@ -281,7 +281,7 @@ impl Points<'_> {
             input.into_iter().chain([Write(&light.color), Write(&light.coverage)]).collect();
         let [width, height] = self.params.half.map(|v| v as usize);
         let reach = self.reach as i32;
-        let rows_at_once = (MAX_LOOKS / (2 * self.reach + 2)).max(1);
+        let rows_at_once = (MAX_READS / (2 * self.reach + 2)).max(1);
         for first_row in (-reach..reach + 2).step_by(rows_at_once) {
             let end_row = (first_row + rows_at_once as i32).min(reach + 2);
             let params = Params { layer: depth as u32, first_row, end_row, ..self.params };

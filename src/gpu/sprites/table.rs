@@ -1,4 +1,4 @@
-//! The sprites of a range of steps on a device.
+//! The sprites of a range of steps, on a device.
 
 use crate::error::Result;
 use crate::gpu::device::Gpu;
@@ -7,10 +7,10 @@ use crate::plan::sprites::{self as plan, Settings, step};
 use rayon::prelude::*;
 use std::ops::RangeInclusive;
 
-/// Sprites for even and odd columns, of even rows and of odd ones.
+/// Sprites per step: for even and odd columns of even rows, then of odd rows.
 const OF_STEP: usize = 4;
 
-/// Steps that are made together.
+/// Number of steps that are made together.
 const MORE: i32 = 16;
 
 shared! {
@@ -34,12 +34,12 @@ pub struct Table {
 }
 
 impl Table {
-    /// The sprites of these steps, and of some more, which another focus may ask for.
+    /// The sprites of these steps, and of some more steps that another focus may need.
     pub fn new(gpu: &Gpu, settings: &Settings, steps: &RangeInclusive<i32>) -> Result<Table> {
         let (first, last) = (steps.start().div_euclid(MORE), steps.end().div_euclid(MORE));
         let largest = step(settings.max_coc_px() as f32);
         let steps = (MORE * first).max(-largest)..=(MORE * (last + 1)).min(largest);
-        // What is below the threshold is not drawn.
+        // Steps below the threshold are not drawn.
         let least = step(settings.threshold_px() as f32);
         let made: Vec<Vec<plan::Sprite>> = steps
             .clone()
@@ -63,17 +63,17 @@ impl Table {
         Ok(Table { settings: settings.clone(), steps, heads, sprites, weights })
     }
 
-    /// Whether it has these steps.
+    /// Whether the table contains these steps.
     pub fn holds(&self, settings: &Settings, steps: &RangeInclusive<i32>) -> bool {
         self.settings == *settings && self.steps.contains(steps.start()) && self.steps.contains(steps.end())
     }
 
-    /// The number of a step.
+    /// The index of a step.
     pub fn number(&self, step: i32) -> usize {
         (step - self.steps.start()) as usize
     }
 
-    /// Pixels of the picture that the largest sprite of some steps reaches; even.
+    /// Number of pixels of the picture that the largest sprite of some steps reaches; even.
     pub fn reach(&self, steps: &RangeInclusive<i32>) -> usize {
         let own = OF_STEP * self.number(*steps.start())..OF_STEP * (self.number(*steps.end()) + 1);
         let reach_of = |s: &Sprite| {
@@ -84,15 +84,15 @@ impl Table {
     }
 }
 
-/// Where in disparity one step of radius ends and the next begins, for all steps of a range: going farther, the first
-/// disparity of each step but the nearest lies below its boundary.
+/// The disparities at which one radius step ends and the next begins, for all steps of a range from near to far. For
+/// each step but the nearest, its first disparity is below its boundary.
 pub fn boundaries(
     [least, greatest]: [f32; 2],
     steps: &RangeInclusive<i32>,
     step_at: impl Fn(f32) -> i32 + Sync,
 ) -> Vec<f32> {
     let boundary = |step: i32| {
-        // The least disparity that is no farther than this step, among all numbers there are.
+        // The least disparity, among all numbers that `f32` can represent, that is no farther than this step.
         let (mut below, mut at) = (ordered(least), ordered(greatest));
         while at - below > 1 {
             let middle = below + (at - below) / 2;
@@ -103,13 +103,13 @@ pub fn boundaries(
     (*steps.start()..*steps.end()).into_par_iter().map(boundary).collect()
 }
 
-/// A number that is greater for a greater value.
+/// Maps numbers to integers with the same order.
 fn ordered(v: f32) -> i64 {
     let bits = i64::from(v.to_bits() & 0x7fff_ffff);
     if v.is_sign_negative() { -bits } else { bits }
 }
 
-/// Undoes [`ordered`].
+/// The inverse of [`ordered`].
 fn unordered(i: i64) -> f32 {
     f32::from_bits(i.unsigned_abs() as u32).copysign(if i < 0 { -1.0 } else { 1.0 })
 }

@@ -1,11 +1,11 @@
-//! Tiles that see one closed surface of nearly constant depth: the radii that they need.
+//! Tiles that show one closed surface of nearly constant depth: the radii of the discs that they need.
 
 use super::kernels;
 use crate::picture::{Size, range};
 use crate::scene::grid::TILE;
 use std::ops::RangeInclusive;
 
-/// On a tilted surface a pixel's disc is interpolated between two, this many radius steps apart: a quarter of a
+/// On a tilted surface a pixel's disc is interpolated between two discs, this many radius steps apart: a quarter of a
 /// pixel, or a sixteenth for small ones. Only rims differ, by less than the rounding to a single step would cost.
 pub const APART: i32 = 4;
 
@@ -14,13 +14,13 @@ pub fn extent(size: Size, origin: (usize, usize)) -> (usize, usize) {
     (TILE.0.min(size.width - origin.0), TILE.1.min(size.height - origin.1))
 }
 
-/// Where a shift lies between the discs that are interpolated.
+/// The position of a shift on the scale of the discs between which pixels are interpolated.
 #[inline(always)]
 pub fn position(s: f32, s_focus: f64) -> f64 {
     kernels::position(f64::from(s) - s_focus) / f64::from(APART)
 }
 
-/// The discs between which some positions lie.
+/// The discs between which these positions lie.
 pub fn range_of(positions: impl Iterator<Item = f64>) -> RangeInclusive<i32> {
     let (least, greatest) =
         positions.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)));
@@ -29,14 +29,14 @@ pub fn range_of(positions: impl Iterator<Item = f64>) -> RangeInclusive<i32> {
 
 /// The surface that a tile shows.
 pub enum Surface {
-    /// All has this shift relative to infinity.
+    /// The whole surface has this shift relative to infinity.
     Level(f32),
-    /// The discs that its pixels lie between, in steps of [`APART`].
+    /// The discs between which its pixels lie, in steps of [`APART`].
     Tilted(RangeInclusive<i32>),
 }
 
 impl Surface {
-    /// That of the tile at `origin`.
+    /// The surface of the tile at `origin`.
     pub fn new(s: &[f32], size: Size, s_focus: f64, origin: (usize, usize)) -> Surface {
         let extent = extent(size, origin);
         let rows = (origin.1..origin.1 + extent.1).map(|y| &s[y * size.width + origin.0..][..extent.0]);
@@ -47,7 +47,7 @@ impl Surface {
         if least == greatest {
             return Surface::Level(least);
         }
-        // The position rises with the shift, so that the extremes of one are those of the other.
+        // The position rises with the shift, so the extremes of the shift give those of the position.
         Surface::Tilted(range_of([least, greatest].into_iter().map(|s| position(s, s_focus))))
     }
 
@@ -60,7 +60,7 @@ impl Surface {
         steps.map(|step| step * APART)
     }
 
-    /// The shift that it has all over, if any.
+    /// The shift of the whole surface, if it is constant.
     pub fn level(&self) -> Option<f32> {
         match self {
             Surface::Level(s) => Some(*s),

@@ -1,33 +1,35 @@
-//! The size at which a cell is drawn, matched to how densely the lens is sampled.
+//! The size at which a cell is drawn, matched to the density of the lens samples.
 //!
-//! Shifting by fractions of a pixel blurs a little; where lens points are dense that blur is undone. Where they are
-//! so sparse that the places they draw a cell at come apart, cells are widened along their own surface instead, so
-//! that texture finer than the lens points does not turn into noise.
+//! Shifting by fractions of a pixel blurs a little; where lens samples are dense, that blur is undone. Where lens
+//! samples are so sparse that the positions at which a cell is drawn come apart, cells are widened along their own
+//! surface instead, so that texture finer than the spacing of the samples does not turn into noise.
 
-/// Standard deviation of a cell's footprint as a fraction of the distance between the places it is drawn at. Gaussians
-/// of deviation `sigma` on a lattice of unit spacing leave a ripple of `2 exp(-2 pi^2 sigma^2)`: 18 % here, of what is
-/// left of a texture. A wider footprint ripples less (1.4 % at 0.5), and blurs more than the lens does.
+/// Standard deviation of a cell's footprint, as a fraction of the distance between the positions at which it is
+/// drawn. Gaussians of deviation `sigma` on a lattice of unit spacing leave a ripple of `2 exp(-2 pi^2 sigma^2)`: 18
+/// % here, of the texture that remains. A wider footprint ripples less (1.4 % at 0.5) and blurs more than the lens
+/// does.
 const FOOTPRINT: f32 = 0.35;
-/// The footprint table's entries per pixel of shift.
+/// Entries of the footprint table per pixel of shift.
 pub const STEPS_PER_PX: f32 = 8.0;
-/// The largest weight of a neighbour in one pass; four of them leave a fifth to the cell itself.
+/// The largest weight of a neighbour in one pass; four neighbours then leave a fifth to the cell itself.
 pub const MAX_WEIGHT: f32 = 0.2;
-/// The variance that weighing the four direct neighbours can add.
+/// The variance that the four direct neighbours can add.
 pub const NEXT_CELLS: f32 = 2.0 * MAX_WEIGHT;
-/// Neighbour distances of the widening passes beyond that.
+/// Distances of the neighbours in the widening passes that follow.
 pub const REACHES: [usize; 4] = [2, 4, 8, 16];
 
 /// Variance per axis that drawing a cell at fractions of a pixel adds under shift `t`.
 ///
-/// A fraction `f` between two places adds `f (1 - f)`. Over the lens points of a disc its mean is
+/// A fraction `f` between two positions adds `f (1 - f)`. Over the lens points of a disc its mean is
 /// `4 t / (3 pi) - t^2 / 4` up to one pixel and about 1/6 beyond.
 fn splat_variance(t: f32) -> f32 {
     let beyond = 1.0 / 6.0;
     if t >= 1.0 { beyond } else { (t * 4.0 / (3.0 * std::f32::consts::PI) - 0.25 * t * t).min(beyond) }
 }
 
-/// What sharpening by `kappa` moves from a cell to a neighbour: their difference times `kappa`, the brighter gaining.
-/// A cell gives no more than a quarter of its light to each of four neighbours, so that none turns negative.
+/// The amount that sharpening by `kappa` moves from a cell to a neighbour: `kappa` times their difference, towards
+/// the brighter one. A cell gives no more than a quarter of its light to each of four neighbours, so that none turns
+/// negative.
 #[inline(always)]
 pub fn flow(kappa: f32, own: f32, other: f32) -> f32 {
     // Plain comparisons, which are single instructions: colours are never NaN.
@@ -38,13 +40,13 @@ pub fn flow(kappa: f32, own: f32, other: f32) -> f32 {
     greatest(least(wanted, most), -most)
 }
 
-/// The variance to add to cells by their shift, negative where blur is to be undone.
+/// The variance to add to a cell as a function of its shift; negative where blur is to be undone.
 pub struct Footprint {
     table: Vec<f32>,
 }
 
 impl Footprint {
-    /// For lens points that draw a cell under shift `t` at places `spacing(t)` pixels apart.
+    /// The footprint for lens samples that draw a cell of shift `t` at positions `spacing(t)` pixels apart.
     pub fn new(max_shift_px: f64, spacing: impl Fn(f64) -> f64) -> Footprint {
         let entries = (max_shift_px as f32 * STEPS_PER_PX) as usize + 2;
         let table = (0..entries)
@@ -56,7 +58,7 @@ impl Footprint {
         Footprint { table }
     }
 
-    /// The variances, [`STEPS_PER_PX`] to a pixel of shift from none on.
+    /// The variances, [`STEPS_PER_PX`] per pixel of shift, from shift 0 on.
     pub fn table(&self) -> &[f32] {
         &self.table
     }
@@ -75,9 +77,9 @@ impl Footprint {
         a + if beyond < 1.0 { beyond } else { 1.0 } * (b - a)
     }
 
-    /// How much of the Laplacian to subtract from cells of shift `s` relative to infinity: positive where blur is to be
-    /// undone, negative where the cell is to be widened by as much as its direct neighbours allow; 0 where there is
-    /// no cell.
+    /// The factor of the Laplacian that is subtracted from a cell of shift `s` relative to infinity. It is positive
+    /// where blur is to be undone, negative where the cell is to be widened (by as much as its direct neighbours
+    /// allow), and 0 where there is no cell.
     #[inline(always)]
     pub fn sharpening(&self, s: &[f32], s_focus: f64, kappa: &mut [f32]) {
         for (kappa, &s) in kappa.iter_mut().zip(s) {

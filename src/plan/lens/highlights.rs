@@ -1,46 +1,46 @@
-//! Highlights: cells so bright that single lens points would show as dots in their discs.
+//! Highlights: cells so bright that single lens samples would show as dots in their discs.
 //!
-//! What such a cell has above its surroundings is taken out of the layers and drawn as the exact, area-weighted
-//! opening; each pixel of it asks along its own ray how much of something nearer is in the way.
+//! The excess of such a cell over its surroundings is taken out of the layers and drawn as the exact, area-weighted
+//! opening. Each pixel of the disc traces its own ray to find how much of the highlight nearer surfaces hide.
 
 use super::padding::{self, Padding};
 use super::tiles::{IN_FOCUS_PX, Tile};
-use crate::scene::colors::Own;
+use crate::scene::colors::CellColor;
 use crate::scene::grid::TILE;
 use crate::scene::highlights::Bright;
 use crate::scene::layer::SceneLayer;
 use crate::scene::layered::LayeredScene;
 use crate::simd::Simd;
 
-/// The light of one cell above its surroundings, and its disc.
+/// The excess of one cell's light over its surroundings, and its disc.
 pub struct Highlight {
-    /// Place in the padded frame.
+    /// Position in the padded frame.
     pub x: i32,
     pub y: i32,
     /// Shift in pixels.
     pub t: f64,
-    /// The light above its surroundings.
+    /// The excess of light over the surroundings.
     pub excess: [f32; 4],
-    /// Whether anything nearer may be in the way of some part of the disc.
+    /// Whether a nearer surface may hide part of the disc.
     pub hidden_in_part: bool,
 }
 
-/// The highlights of a scene under one focus, and for each layer the colours of their cells without them. Each highlight
-/// is taken for one that may be hidden in part.
+/// The highlights of a scene under one focus and, for each layer, the colours of their cells without the excess. Each
+/// highlight is assumed to be partly hidden until the search has shown otherwise.
 pub fn extract(
     scene: &LayeredScene,
     padding: &Padding,
     s_focus: f64,
     simd: Simd,
-) -> (Vec<Highlight>, Vec<Vec<Own>>) {
+) -> (Vec<Highlight>, Vec<Vec<CellColor>>) {
     let mut highlights = Vec::new();
     let of_layer = |(layer, bright): (&SceneLayer, &Vec<Bright>)| {
         let mut dimmed = Vec::with_capacity(bright.len());
         for &Bright { index, dim, excess } in bright {
             let t = f64::from(layer.s[index]) - s_focus;
-            // An empty cell has a shift of NaN, which compares false.
+            // An empty cell has a shift of NaN, for which the comparison is false.
             if t.abs() > IN_FOCUS_PX {
-                dimmed.push(Own { index, color: dim });
+                dimmed.push(CellColor { index, color: dim });
                 highlights.extend(images(padding, index, t).map(|(x, y)| Highlight {
                     x,
                     y,
@@ -68,7 +68,7 @@ fn images(padding: &Padding, index: usize, t: f64) -> impl Iterator<Item = (i32,
     along(y, padding.height).flat_map(move |y| along(x, padding.width).map(move |x| (x, y)))
 }
 
-/// The highlights of a frame, by the tiles that their discs reach.
+/// The highlights of a frame, sorted by the tiles that their discs reach.
 pub struct Highlights {
     pub all: Vec<Highlight>,
     /// For each tile, the highlights that reach it, in order.
@@ -97,7 +97,7 @@ impl Highlights {
         Highlights { all, by_tile }
     }
 
-    /// The shifts that discs are needed for.
+    /// The shifts for which discs are needed.
     pub fn shifts(&self) -> impl Iterator<Item = f64> + '_ {
         self.all.iter().map(|h| h.t)
     }

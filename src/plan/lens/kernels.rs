@@ -1,4 +1,4 @@
-//! The discs of a frame, one for each radius that occurs, told apart to a fraction of a pixel.
+//! The discs of a frame: one kernel for each radius that occurs, quantised to a fraction of a pixel.
 
 use crate::aperture::{Aperture, Kernel};
 use crate::cancel::Cancel;
@@ -6,14 +6,14 @@ use crate::error::Result;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 
-/// Radii below this are told apart more finely.
+/// Radii below this are quantised more finely.
 pub const SMALL_PX: f64 = 4.0;
-/// Steps to a pixel, below and above [`SMALL_PX`].
+/// Radius steps per pixel below [`SMALL_PX`].
 pub const FINE: f64 = 64.0;
-/// As [`FINE`].
+/// Radius steps per pixel above [`SMALL_PX`].
 pub const COARSE: f64 = 16.0;
 
-/// Where shift `t` lies between the radius steps.
+/// The position of shift `t` on the scale of radius steps.
 #[inline(always)]
 pub fn position(t: f64) -> f64 {
     let r = t.abs();
@@ -21,12 +21,12 @@ pub fn position(t: f64) -> f64 {
     steps.copysign(t)
 }
 
-/// The radius step that shift `t` falls to.
+/// The radius step to which shift `t` is rounded.
 pub fn key(t: f64) -> i32 {
     position(t).round() as i32
 }
 
-/// The shift that a step stands for.
+/// The shift of a radius step.
 fn shift(key: i32) -> f64 {
     let steps = f64::from(key.abs());
     let r =
@@ -34,7 +34,7 @@ fn shift(key: i32) -> f64 {
     r.copysign(f64::from(key))
 }
 
-/// Kernels by what they are asked for by, in rising order.
+/// Kernels by key, sorted.
 struct Table<K> {
     keys: Vec<K>,
     kernels: Vec<Kernel>,
@@ -56,7 +56,7 @@ impl<K: Copy + Ord + Sync> Table<K> {
         Ok(Table { keys, kernels })
     }
 
-    /// The kernel of a key, which must have been asked for.
+    /// The kernel of a key; the table must have been built with that key.
     fn get(&self, key: K) -> &Kernel {
         &self.kernels[self.keys.partition_point(|&k| k < key)]
     }
@@ -66,15 +66,15 @@ impl<K: Copy + Ord + Sync> Table<K> {
     }
 }
 
-/// Kernels by radius step, and those of surfaces that face the camera by their very shift.
+/// Kernels by radius step. Surfaces that face the camera have kernels of their exact shift.
 pub struct Kernels {
     steps: Table<i32>,
-    /// By the bits of shifts relative to infinity.
+    /// Keyed by the bits of shifts relative to infinity.
     level: Table<u32>,
 }
 
 impl Kernels {
-    /// The kernels of all these steps, and of these shifts relative to infinity.
+    /// The kernels of these radius steps, and of these shifts relative to infinity.
     pub fn new(
         aperture: &Aperture,
         s_focus: f64,
@@ -89,7 +89,7 @@ impl Kernels {
         })
     }
 
-    /// The kernel of a step.
+    /// The kernel of a radius step.
     pub fn get(&self, key: i32) -> &Kernel {
         self.steps.get(key)
     }
@@ -99,12 +99,12 @@ impl Kernels {
         self.level.get(s.to_bits())
     }
 
-    /// All kernels of steps.
+    /// The kernels of all radius steps.
     pub fn of_steps(&self) -> impl Iterator<Item = (i32, &Kernel)> {
         self.steps.iter()
     }
 
-    /// All kernels of shifts.
+    /// The kernels of all exact shifts.
     pub fn of_shifts(&self) -> impl Iterator<Item = (f32, &Kernel)> {
         self.level.iter().map(|(bits, kernel)| (f32::from_bits(bits), kernel))
     }

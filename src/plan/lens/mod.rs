@@ -1,4 +1,4 @@
-//! The plan of the flagship for one focus, worked out from depths alone. Both devices carry it out.
+//! The plan of the flagship for one focus. It is made from depths alone, and both devices carry it out.
 
 pub(crate) mod disc;
 pub(crate) mod footprint;
@@ -23,19 +23,19 @@ use padding::Padding;
 use std::collections::{BTreeMap, BTreeSet};
 use tiles::{Tile, Work};
 
-/// The choices that a caller has.
+/// The choices of the caller.
 #[derive(Debug, Clone)]
 pub struct Settings {
     /// The opening.
     pub aperture: Aperture,
-    /// Number of lens samples everywhere, or chosen for each tile.
+    /// Number of lens samples for all tiles; `None` chooses it for each tile.
     pub samples: Option<usize>,
     /// The second stop of the lens, if it clips anything.
     pub second_stop: Option<SecondStop>,
 }
 
 impl Settings {
-    /// The lens and the opening as the focus surface and the second stop make them.
+    /// The lens and the opening, adapted to the focus surface and to the second stop.
     pub(crate) fn leaning(&self, imaging: &Imaging, optics: &Optics) -> Result<(Optics, Settings)> {
         let (lean, stronger) = imaging.surface.leaning(optics.k)?;
         let settings = Settings {
@@ -46,7 +46,7 @@ impl Settings {
         Ok((Optics { k: optics.k * stronger, ..*optics }, settings))
     }
 
-    /// What the falloff knows of the opening, where a second stop clips it.
+    /// The clipping of the opening that the falloff needs, if there is a second stop.
     pub(crate) fn clip_of(&self, imaging: &Imaging) -> Option<PupilClip> {
         let falls_off = imaging.falloff.is_some_and(|falloff| falloff.optical);
         let second_stop = imaging.second_stop.filter(|_| falls_off);
@@ -54,16 +54,16 @@ impl Settings {
     }
 }
 
-/// Where the colour of rays that met nothing comes from.
+/// What rays that met no cell contribute.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Missed {
-    /// The other rays of the pixel speak for them.
+    /// Their colour is unknown: the other rays of the pixel stand in for them.
     Unknown = 0,
     /// They are transparent.
     Nothing = 1,
 }
 
-/// The largest shift of any cell, in front of the focus plane or behind.
+/// The largest shift of any cell, in front of the focus plane or behind it.
 pub fn reach_px(scene: &LayeredScene, s_focus: f64) -> f64 {
     (scene.shifts.0 - s_focus).abs().max((scene.shifts.1 - s_focus).abs())
 }
@@ -72,24 +72,25 @@ pub fn reach_px(scene: &LayeredScene, s_focus: f64) -> f64 {
 pub struct Plan {
     /// Shift of the focus relative to infinity.
     pub s_focus: f64,
-    /// The largest shift, in front of the focus plane or behind.
+    /// The largest shift, in front of the focus plane or behind it.
     pub reach_px: f64,
     /// The frame with the margin that rays need.
     pub padding: Padding,
     /// The bounds of depth of the padded frame.
     pub bounds: DepthBounds,
-    /// What each tile needs.
+    /// The work of each tile.
     pub tiles: Vec<Tile>,
-    /// The samples of every count that some tile needs.
+    /// The samples for every count that some tile needs.
     pub sample_sets: BTreeMap<usize, Vec<LensSample>>,
     /// The size at which cells are drawn.
     pub footprint: Footprint,
-    /// What rays that meet nothing stand for.
+    /// What rays that meet no cell contribute.
     pub missed: Missed,
 }
 
 impl Plan {
-    /// The plan for one lens; `supersample` pixels of it along each axis will be averaged, and so many fewer samples are enough.
+    /// The plan for one lens. The output averages `supersample` pixels along each axis, so correspondingly fewer
+    /// samples are enough.
     pub fn new(scene: &LayeredScene, optics: &Optics, settings: &Settings, supersample: usize) -> Plan {
         let s_focus = optics.k * optics.d_focus;
         let count_samples = |radius_px: f64| {

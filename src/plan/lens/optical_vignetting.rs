@@ -1,21 +1,22 @@
-//! Optical vignetting, or cat's eye: the barrel of a lens is a second stop, as large as the unit disc, that every pixel
-//! sees elsewhere.
+//! Optical vignetting (cat's eye): the barrel of a lens is a second stop, as large as the unit disc, whose position
+//! depends on the pixel.
 //!
-//! A pixel's light is that of the lens points it still sees, and is shared among them: the second stop changes the form
-//! of discs and not the brightness of the picture, which is the falloff's.
+//! A pixel's light is that of the lens points that it still sees, and is shared among them. So the second stop
+//! changes the shape of discs but not the brightness of the picture; brightness is the falloff's.
 
 use crate::aperture::Aperture;
 use crate::optics::SecondStop;
 use crate::scene::grid::TILE;
 use std::f64::consts::TAU;
 
-/// Distances of the two stops, up to that at which nothing is open, and directions, for which the open part is counted.
+/// The open part is tabulated for this many distances between the two stops, up to the one at which nothing is open,
+/// and directions.
 const DISTANCES: usize = 128;
 const DIRECTIONS: usize = 64;
-/// Lens points that it is counted with.
+/// Number of lens points with which the open part is counted.
 const POINTS: usize = 4096;
 
-/// The second stop before an opening.
+/// A second stop in front of an opening.
 #[derive(Clone)]
 pub struct PupilClip {
     second_stop: SecondStop,
@@ -24,13 +25,13 @@ pub struct PupilClip {
     open: Vec<[f64; DISTANCES + 1]>,
 }
 
-/// Which pixels of a tile see a sample, a bit for each pixel of a row.
+/// Which pixels of a tile see a sample: for each row, one bit per pixel.
 pub type Seen = [u64; TILE.1];
 
 /// The part of the points that lies within a unit disc, as the disc moves along a direction from 0 to 2.
 ///
-/// The disc covers point `l` while `|l - a u| <= 1`: between the roots of `a^2 - 2 a (l . u) + |l|^2 - 1`. So each point
-/// is counted once, where it comes in and where it goes out, and not for every distance.
+/// The disc covers point `l` while `|l - a u| <= 1`: between the roots of `a^2 - 2 a (l . u) + |l|^2 - 1`. So each
+/// point is counted once where it enters and once where it leaves, and not for every distance.
 fn open_parts(points: &[[f64; 2]], u: [f64; 2]) -> [f64; DISTANCES + 1] {
     const PER_UNIT: f64 = DISTANCES as f64 / 2.0;
     let mut changes = [0i32; DISTANCES + 2];
@@ -39,7 +40,7 @@ fn open_parts(points: &[[f64; 2]], u: [f64; 2]) -> [f64; DISTANCES + 1] {
         let root = (along * along - (l[0] * l[0] + l[1] * l[1] - 1.0)).sqrt();
         let first = ((along - root).max(0.0) * PER_UNIT).ceil();
         let last = ((along + root).min(2.0) * PER_UNIT).floor();
-        // Without a root, both are NaN.
+        // Without a real root, both are NaN and the comparison is false.
         if first <= last {
             changes[first as usize] += 1;
             changes[last as usize + 1] -= 1;
@@ -53,7 +54,7 @@ fn open_parts(points: &[[f64; 2]], u: [f64; 2]) -> [f64; DISTANCES + 1] {
 }
 
 impl PupilClip {
-    /// The second stop of a lens before its opening.
+    /// The second stop of a lens in front of its opening.
     pub fn new(second_stop: SecondStop, aperture: &Aperture) -> PupilClip {
         let points = aperture.pupil_points(POINTS);
         let open = (0..DIRECTIONS).map(|direction| {
@@ -64,7 +65,7 @@ impl PupilClip {
         PupilClip { second_stop, aperture: aperture.clone(), open }
     }
 
-    /// The part of the light of the opening that a pixel still sees.
+    /// The fraction of the opening's light that a pixel still sees.
     pub fn open(&self, x: f64, y: f64) -> f64 {
         let [x, y] = self.second_stop.stop(x, y);
         let apart = (x.hypot(y) * 0.5 * DISTANCES as f64).min(DISTANCES as f64);
@@ -77,12 +78,12 @@ impl PupilClip {
         along(direction) + turn.fract() * (along(direction + 1) - along(direction))
     }
 
-    /// How much more than of the whole opening's light a pixel has of what it sees through lens point `l`, where the
-    /// opening is drawn `t` pixels large: nothing beyond the stop, whose rim is as soft as a pixel.
+    /// The weight of lens point `l` for a pixel, relative to a pixel that sees the whole opening. It is zero beyond
+    /// the stop, whose rim is as soft as a pixel. The opening is drawn `t` pixels large.
     pub fn share(&self, [x, y]: [f64; 2], l: [f64; 2], t: f64) -> f64 {
         let (pupil, stop) = (self.aperture.pupil(l), self.second_stop.stop(x, y));
-        // A pixel on the rim of the lens itself is looked at half a pixel inside, where its light is: it is the stop's
-        // rim that is to be softened, and not both.
+        // A pixel on the rim of the lens itself is evaluated half a pixel inside, where its light is: only the rim of
+        // the second stop is to be softened, not both rims.
         let innermost = (1.0 - 0.5 / t.abs()).max(0.0) / pupil[0].hypot(pupil[1]).max(1e-9);
         let pupil = pupil.map(|v| v * innermost.min(1.0));
         let inside = 1.0 - (pupil[0] - stop[0]).hypot(pupil[1] - stop[1]);
@@ -90,11 +91,11 @@ impl PupilClip {
         if open > 0.0 { (0.5 + t.abs() * inside).clamp(0.0, 1.0) / open } else { 0.0 }
     }
 
-    /// Which pixels of the tile at `origin` see the opening at `pupil`, if any do: those `p` with `|pupil - c(p)| <=
-    /// 1`. As `c` is linear, in every row a stretch.
+    /// Which pixels `p` of the tile at `origin` see the opening at `pupil`, if any do: those with
+    /// `|pupil - c(p)| <= 1`. As `c` is linear, they form one interval in every row.
     pub fn pixels_seeing(&self, pupil: [f64; 2], origin: (usize, usize)) -> Option<Seen> {
         let SecondStop { centre, per_px } = self.second_stop;
-        // The pixel whose stop is centred on the point, from the tile's first, and the reach of that pixel.
+        // The pixel whose stop is centred on the point, relative to the tile's first pixel, and the radius around it.
         let middle = [0, 1].map(|i| {
             let origin = if i == 0 { origin.0 } else { origin.1 };
             pupil[i] / per_px + centre[i] - origin as f64
@@ -112,7 +113,7 @@ impl PupilClip {
         Some(std::array::from_fn(|y| {
             let Some([first, end]) = self.columns(pupil, origin.1 + y) else { return 0 };
             let bits = |n: f64| {
-                // The lowest bits up to, and without, n.
+                // The lowest n bits of the row.
                 let n = (n - origin.0 as f64).clamp(0.0, TILE.0 as f64) as u32;
                 u64::MAX.checked_shr(TILE.0 as u32 - n).unwrap_or(0)
             };
@@ -120,8 +121,8 @@ impl PupilClip {
         }))
     }
 
-    /// The first column of row `y` that sees the opening at `pupil`, and the one after the last; they may lie outside the
-    /// frame.
+    /// The first column of row `y` that sees the opening at `pupil`, and the column after the last one. They may lie
+    /// outside the frame.
     pub fn columns(&self, pupil: [f64; 2], y: usize) -> Option<[f64; 2]> {
         let SecondStop { centre, per_px } = self.second_stop;
         let middle = [0, 1].map(|i| pupil[i] / per_px + centre[i]);
@@ -130,7 +131,7 @@ impl PupilClip {
         (half >= 0.0).then(|| [(middle[0] - half.sqrt()).ceil(), (middle[0] + half.sqrt()).floor() + 1.0])
     }
 
-    /// The open parts one after another, as shaders look them up, and how many directions and distances there are.
+    /// The open parts as one list for the shaders, and the numbers of directions and distances.
     pub fn table(&self) -> (Vec<f32>, [usize; 2]) {
         let values = self.open.iter().flatten().map(|v| *v as f32).collect();
         (values, [DIRECTIONS, DISTANCES])
@@ -182,7 +183,7 @@ mod tests {
                     let inside = |l: &&[f64; 2]| (l[0] - apart * cos).hypot(l[1] - apart * sin) <= 1.0;
                     points.iter().filter(inside).count() as f64 / points.len() as f64
                 });
-                // A point on the very rim may be rounded to either side.
+                // A point exactly on the rim may be rounded to either side.
                 let apart =
                     open_parts(&points, [cos, sin]).into_iter().zip(counted).map(|(a, b)| (a - b).abs());
                 assert!(apart.fold(0.0, f64::max) <= 1.01 / points.len() as f64);

@@ -4,7 +4,7 @@ use super::padding::Padding;
 use crate::scene::depth_bounds::{DepthBits, DepthBounds, unite};
 use crate::scene::grid::{BLOCK, TILE};
 
-/// The bounds of the blocks of the padded frame, each the union of those that it shows something of.
+/// The bounds of the blocks of the padded frame. Each is the union of the bounds of the blocks that it shows.
 pub fn padded(bounds: &DepthBounds, padding: &Padding) -> DepthBounds {
     let shown = |n: usize, place: &dyn Fn(usize) -> usize| -> Vec<(usize, usize)> {
         let block = |b: usize| {
@@ -39,10 +39,9 @@ pub fn padded(bounds: &DepthBounds, padding: &Padding) -> DepthBounds {
     padded
 }
 
-/// For each block, then each layer: the depths that occur in a tile anywhere within whose first pixel lies in
-/// the block.
+/// For each block, then each layer: the depths that occur anywhere within a tile whose first pixel lies in the block.
 pub fn windows(bounds: &DepthBounds) -> Vec<DepthBits> {
-    // A tile that does not begin with a block touches one more.
+    // A tile that does not begin with a block overlaps one more block.
     let (wide, high) = (TILE.0 / BLOCK + 1, TILE.1 / BLOCK + 1);
     let row = bounds.across * bounds.layers;
     let along = |source: &[DepthBits], at: usize, step: usize, n: usize| {

@@ -1,4 +1,4 @@
-//! The frame with a mirrored margin, as wide as the largest circle of confusion: no ray leaves it.
+//! The frame with a mirrored margin as wide as the largest circle of confusion, so that no ray leaves it.
 
 use crate::mirror::mirrored;
 use crate::scene::grid::{BLOCK, TILE};
@@ -8,11 +8,11 @@ use crate::scene::grid::{BLOCK, TILE};
 pub struct Padding {
     pub width: usize,
     pub height: usize,
-    /// Mirrored pixels on every side, a multiple of [`BLOCK`].
+    /// Mirrored pixels on every side; a multiple of [`BLOCK`].
     pub pad: usize,
-    /// Cells from one padded row to the next, a multiple of [`BLOCK`].
+    /// Cells from one padded row to the next; a multiple of [`BLOCK`].
     pub stride: usize,
-    /// Padded rows.
+    /// Number of padded rows.
     pub rows: usize,
 }
 
@@ -33,25 +33,25 @@ impl Padding {
         (y + self.pad) * self.stride + x + self.pad
     }
 
-    /// The frame column that padded column `px` shows, and whether it is a mirror image.
+    /// The frame column that padded column `px` shows, and whether it is mirrored.
     pub fn column(&self, px: usize) -> (usize, bool) {
         mirrored(px as i64 - self.pad as i64, self.width)
     }
 
-    /// The frame row that padded row `py` shows, and whether it is a mirror image.
+    /// The frame row that padded row `py` shows, and whether it is mirrored.
     pub fn row(&self, py: usize) -> (usize, bool) {
         mirrored(py as i64 - self.pad as i64, self.height)
     }
 
-    /// Padded columns that show frame column `x`, and whether mirrored.
+    /// The padded columns that show frame column `x`, and whether they are mirrored.
     pub fn columns_of(&self, x: usize) -> impl Iterator<Item = (usize, bool)> {
         images(x, self.width, self.pad, self.stride)
     }
 }
 
-/// The places that show `i` when `n` are extended by `pad` before and up to `extent` in all.
+/// The positions that show element `i` when `n` elements are extended by `pad` in front and to `extent` in total.
 pub fn images(i: usize, n: usize, pad: usize, extent: usize) -> impl Iterator<Item = (usize, bool)> {
-    // The extension repeats with period 2 n; each period holds the place and its mirror image.
+    // The extension repeats with period 2 n; each period holds the element and its mirror image.
     let (i, n, pad) = (i as i64, n as i64, pad as i64);
     let first = -(pad / (2 * n)) - 1;
     let last = (extent as i64 - pad) / (2 * n) + 1;

@@ -1,8 +1,8 @@
-//! The traversal of the cells that a ray passes, for both devices.
+//! The traversal of the cells along a ray (a DDA), for both devices.
 
 use crate::scene::depth_codes::DepthCodes;
 
-/// A ray's place as a function of the code of a depth, `base + slope code`, relative to the pixel that it starts from.
+/// The position of a ray as a function of a depth code, `base + slope code`, relative to the pixel where it starts.
 #[derive(Debug, Clone, Copy)]
 pub struct Ray {
     pub slope: [f64; 2],
@@ -16,22 +16,22 @@ impl Ray {
         Ray { slope: lens.map(|l| l * codes.step()), base: [0, 1].map(|i| start[i] + lens[i] * t_at_0) }
     }
 
-    /// From a cell to the place where the ray would be at code 0.
+    /// The offset from a cell to the position of the ray at code 0.
     #[inline(always)]
     pub fn base_from(&self, cell: [i32; 2]) -> [f32; 2] {
         [0, 1].map(|i| (self.base[i] - f64::from(cell[i])) as f32)
     }
 
-    /// Calls `visit(cell, from, to)` for every cell that the ray passes between codes `near` and `far`, near to far:
-    /// that at this offset from the start, over the codes `from .. to`.
+    /// Calls `visit(cell, from, to)` for every cell that the ray passes between codes `near` and `far`, near to far.
+    /// The cell is at the offset `cell` from the start, and the ray is in it for the codes `from .. to`.
     #[inline(always)]
     pub fn traverse(&self, near: usize, far: usize, mut visit: impl FnMut([i32; 2], usize, usize)) {
         let Ray { slope, base } = *self;
         let first = [0, 1].map(|i| (base[i] + slope[i] * near as f64).round());
         let toward = slope.map(f64::signum);
-        // The codes of a column or row of cells; a ray that never leaves its own does so beyond all codes.
+        // The number of codes that the ray spends in a column or row of cells; 0 if it never leaves its own.
         let codes_per_cell = slope.map(|slope| if slope == 0.0 { 0.0 } else { slope.recip().abs() });
-        // The code at which the ray, going farther, leaves this column or row of cells.
+        // The code at which the ray, on its way away from the camera, leaves this column or row of cells.
         let mut leave = [0, 1].map(|i| {
             let half_way = toward[i] * (first[i] - base[i]) - 0.5;
             if slope[i] == 0.0 { f64::NEG_INFINITY } else { half_way * codes_per_cell[i] }
@@ -41,7 +41,8 @@ impl Ray {
         while to > far {
             let axis = usize::from(leave[1] > leave[0]);
             let leaves = leave[axis];
-            // The nearest integer, by way of 32 bits, which hold all codes and are converted to in fewer instructions.
+            // Rounds to the nearest integer. The conversion to 32 bits, which hold all codes, takes fewer
+            // instructions.
             let nearest = |code: f64| (code + 0.5) as u32 as usize;
             let from = if leaves <= far as f64 { far } else { nearest(leaves.min(to as f64)).max(far) };
             if from < to {
@@ -77,7 +78,8 @@ mod tests {
             ray.traverse(near, far, |cell, from, to| {
                 assert!(from < to && to == next, "{from}..{to} after {next}");
                 next = from;
-                // Where it enters and leaves a cell codes are rounded: by half of one, which moves it by this much.
+                // The codes at which the ray enters and leaves a cell are rounded by half a code, which moves it by
+                // this much.
                 let rounding = ray.slope.map(|slope| 0.5 * slope.abs());
                 for code in [from, to] {
                     for i in 0..2 {

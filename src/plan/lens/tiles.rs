@@ -1,8 +1,8 @@
-//! What each tile of the frame needs: a copy, an exact disc, or the full sweep over the lens.
+//! The work that each tile of the frame needs: a copy, an exact disc, or the full sweep over the lens.
 
 use super::padding::Padding;
 use crate::optics::SecondStop;
-use crate::rows::AT_ONCE;
+use crate::rows::ITEMS_PER_TASK;
 use crate::scene::depth_bounds::{DepthBits, DepthBounds};
 use crate::scene::depth_codes::DepthCodes;
 use crate::scene::grid::{BLOCK, TILE};
@@ -10,7 +10,8 @@ use rayon::prelude::*;
 
 /// A disc up to this radius lies inside its own pixel.
 pub const IN_FOCUS_PX: f64 = 0.5;
-/// The disc of a pixel on a tilted surface is centred `slope * radius / 4` beside it; a quarter of a pixel may pass.
+/// The disc of a pixel on a tilted surface is centred `slope * radius / 4` beside it; a quarter of a pixel is
+/// tolerated.
 const TILT_PX: f64 = 1.0;
 
 /// The work of one tile.
@@ -20,9 +21,9 @@ pub enum Work {
     Copy,
     /// One closed surface of nearly constant depth: each pixel is the mean over its own disc.
     Disc,
-    /// Visibility for every lens point.
+    /// Visibility is resolved for every lens sample.
     Sweep {
-        /// How many samples.
+        /// Number of samples.
         samples: usize,
         /// The depths that a ray of this tile may meet.
         occupied: DepthBits,
@@ -34,18 +35,18 @@ pub enum Work {
 pub struct Tile {
     /// Left column and top row in the frame.
     pub origin: (usize, usize),
-    /// The largest disc that reaches it, in pixels.
+    /// Radius of the largest disc that reaches the tile, in pixels.
     pub reach_px: f64,
-    /// What to do.
+    /// How the tile is rendered.
     pub work: Work,
 }
 
-/// DepthSpans, by high byte, whose discs reach at least `distance` pixels.
+/// The depths, by high byte of their codes, whose discs reach at least `distance` pixels.
 fn reaching(codes: &DepthCodes, s_focus: f64, distance: f64) -> DepthBits {
     let mut bits = [0u64; 4];
     for bin in 0..256usize {
         let shift = |code: usize| (codes.decode(code as f64) - s_focus).abs();
-        // One pixel more for the cell's own width and the ray's start inside its pixel.
+        // One pixel more, for the cell's own width and the ray's start inside its pixel.
         if shift(bin << 8).max(shift((bin << 8) + 256)) + 1.5 >= distance {
             bits[bin / 64] |= 1 << (bin % 64);
         }
@@ -53,14 +54,15 @@ fn reaching(codes: &DepthCodes, s_focus: f64, distance: f64) -> DepthBits {
     bits
 }
 
-/// What tiles are planned for.
+/// The input from which tiles are planned.
 pub struct Inputs<'a> {
     pub padding: &'a Padding,
     pub codes: &'a DepthCodes,
     /// The bounds of depth of the padded frame.
     pub bounds: &'a DepthBounds,
     pub s_focus: f64,
-    /// Set if pixels see the lens clipped, each in its own way: no disc is the same for all of a tile.
+    /// Set if the second stop clips the opening differently for each pixel: then no disc is the same for a whole
+    /// tile.
     pub second_stop: Option<&'a SecondStop>,
 }
 
@@ -78,7 +80,7 @@ fn blocks_around(
     range(origin.1, TILE.1, padding.rows).flat_map(move |by| columns.clone().map(move |bx| (bx, by)))
 }
 
-/// Plans every tile; `count_samples` says how many samples a largest disc of some radius needs.
+/// Plans every tile. `count_samples` gives the number of samples for the radius of the largest disc.
 pub fn plan(inputs: &Inputs, count_samples: impl Fn(f64) -> usize + Sync) -> Vec<Tile> {
     let Inputs { padding, codes, bounds, s_focus, second_stop } = *inputs;
     let shift = |code: u16| codes.decode(f64::from(code)) - s_focus;
@@ -129,10 +131,10 @@ pub fn plan(inputs: &Inputs, count_samples: impl Fn(f64) -> usize + Sync) -> Vec
     let columns = (0..padding.width).step_by(TILE.0);
     let rows = (0..padding.height).step_by(TILE.1);
     let origins: Vec<_> = rows.flat_map(|y| columns.clone().map(move |x| (x, y))).collect();
-    origins.into_par_iter().with_max_len(AT_ONCE).map(plan_tile).collect()
+    origins.into_par_iter().with_max_len(ITEMS_PER_TASK).map(plan_tile).collect()
 }
 
-/// Which padded blocks some sweep may read.
+/// For each padded block, whether some sweep may read it.
 pub fn needed(padding: &Padding, bounds: &DepthBounds, tiles: &[Tile]) -> Vec<bool> {
     let mut needed = vec![false; bounds.across * bounds.down];
     for tile in tiles.iter().filter(|tile| matches!(tile.work, Work::Sweep { .. })) {

@@ -1,4 +1,4 @@
-//! Lenses of cameras, and of other programs' cameras; what cameras are asked in millimetres.
+//! Lenses from real cameras and from the cameras of other programs, and the properties of cameras in millimetres.
 
 use super::super::argument;
 use super::super::errors::choice;
@@ -15,7 +15,7 @@ pub fn sensors() -> Vec<(&'static str, f64, f64)> {
     SENSORS.iter().map(|(name, sensor)| (*name, sensor.width_mm, sensor.height_mm)).collect()
 }
 
-/// What `dofsim._cameras` reads of another program's camera.
+/// The parameters of another program's camera, as `dofsim._cameras` reads them.
 pub fn read_camera<'py, T: FromPyObjectOwned<'py>>(reader: &str, camera: &Bound<'py, PyAny>) -> PyResult<T> {
     let read = camera.py().import("dofsim._cameras")?.call_method1(reader, (camera,))?;
     read.extract().map_err(Into::into)
@@ -188,12 +188,12 @@ impl PyLens {
     fn from_mitsuba(sensor: &Bound<'_, PyAny>) -> PyResult<PyLens> {
         let sensor: MitsubaSensor = read_camera("mitsuba_sensor", sensor)?;
         let (fov, fov_axis) = match sensor.focal_length_mm {
-            // Mitsuba's focal lengths are those of 35 mm film, whose diagonal they are measured along.
+            // Mitsuba's focal lengths refer to 35 mm film, and are measured along its diagonal.
             Some(mm) => (2.0 * (0.5 * 36f64.hypot(24.0) / mm).atan().to_degrees(), FovAxis::Diagonal),
             None => (sensor.fov, choice("fov_axis", &sensor.fov_axis, &FovAxis::NAMES)?),
         };
         let lens = Lens::thin(sensor.aperture_radius, sensor.focus_distance, fov, fov_axis)?;
-        // The offsets say how far the picture moves to the left and up, and the axis with it.
+        // The offsets give the displacement of the picture to the left and up; the axis is displaced with it.
         let principal_point = sensor.principal_point_offset.map(|offset| -offset);
         Ok(PyLens { core: lens.mounted(Mount { principal_point, ..Mount::PLAIN })? })
     }

@@ -1,7 +1,7 @@
-//! Where a lens is focused: on pixels, on what is nearest, on a mask, on a plane.
+//! The focus of a lens: on pixels, on the nearest surface, on a mask, on a plane.
 
 use super::super::argument;
-use super::super::depth::{DepthWords, SeenDepth, read_seen_depth};
+use super::super::depth::{DepthArguments, SeenDepth, read_seen_depth};
 use super::PyLens;
 use crate::error::{Result, value_error};
 use crate::optics::{Base, Lens};
@@ -10,13 +10,13 @@ use pyo3::exceptions::{PyIndexError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyString;
 
-/// The nearest and the farthest surface are where all but this part of the pixels are farther, or nearer: single wrong
-/// depths do not count.
+/// The fraction of pixels that may be nearer than the "nearest" surface, or farther than the "farthest": single wrong
+/// depths must not count.
 const OUTLIERS: f64 = 0.01;
-/// Side of the square in the middle of the picture that is its centre, over the picture's shorter side.
+/// Side of the square that is the centre of the picture, relative to the picture's shorter side.
 const CENTRE: f64 = 0.1;
 
-/// A pixel by its column and row, which count from the end if negative.
+/// A pixel by its column and row; negative numbers count from the end.
 fn pixel(x: isize, y: isize, seen: &SeenDepth) -> PyResult<(usize, usize)> {
     let at = |name: &str, i: isize, n: usize| {
         let from_start = if i < 0 { i + n as isize } else { i };
@@ -29,7 +29,7 @@ fn pixel(x: isize, y: isize, seen: &SeenDepth) -> PyResult<(usize, usize)> {
     Ok((at("x", x, seen.width)?, at("y", y, seen.height)?))
 }
 
-/// The disparity that has to be in focus on the axis for the lens to be focused on a pixel, if the pixel has a depth.
+/// The disparity on the axis at which the lens is focused on a pixel, if the pixel's depth is valid.
 fn on_axis(lens: &Lens, seen: &SeenDepth, (x, y): (usize, usize)) -> Option<f64> {
     lens.on_axis(seen.disparity(x, y)?, seen.place(x, y))
 }
@@ -46,7 +46,7 @@ pub fn focusable_pixels<'py>(
     #[pyo3(from_py_with = argument::near)] near: Option<f64>,
     #[pyo3(from_py_with = argument::far)] far: Option<f64>,
 ) -> PyResult<Bound<'py, PyArray1<i64>>> {
-    let seen = read_seen_depth(depth, &DepthWords { depth_kind, near, far }, &lens.core)?;
+    let seen = read_seen_depth(depth, &DepthArguments { depth_kind, near, far }, &lens.core)?;
     let relative = matches!(lens.core.base, Base::Relative { .. });
     let usable = |&i: &usize| {
         let disparity = on_axis(&lens.core, &seen, (i % seen.width, i / seen.width));
@@ -56,8 +56,8 @@ pub fn focusable_pixels<'py>(
     Ok(PyArray1::from_iter(py, found))
 }
 
-/// The lens focused on the disparity below which the part `quantile` of these pixels lies, each as it would be on the
-/// axis under the lens's focus surface.
+/// Focuses the lens on a quantile of the disparity of these pixels: the fraction `quantile` of them is below it. The
+/// disparity of each pixel is taken as it would be on the axis, under the lens's focus surface.
 fn focused_on_pixels(
     lens: &Lens,
     seen: &SeenDepth,
@@ -121,7 +121,7 @@ impl PyLens {
         #[pyo3(from_py_with = argument::near)] near: Option<f64>,
         #[pyo3(from_py_with = argument::far)] far: Option<f64>,
     ) -> PyResult<PyLens> {
-        let seen = read_seen_depth(depth, &DepthWords { depth_kind, near, far }, &self.core)?;
+        let seen = read_seen_depth(depth, &DepthArguments { depth_kind, near, far }, &self.core)?;
         let (x, y) = pixel(x, y, &seen)?;
         let around = |v: usize, n: usize| {
             v.saturating_sub(radius_px)..v.saturating_add(radius_px).saturating_add(1).min(n)
@@ -173,7 +173,7 @@ impl PyLens {
         #[pyo3(from_py_with = argument::near)] near: Option<f64>,
         #[pyo3(from_py_with = argument::far)] far: Option<f64>,
     ) -> PyResult<PyLens> {
-        let seen = read_seen_depth(depth, &DepthWords { depth_kind, near, far }, &self.core)?;
+        let seen = read_seen_depth(depth, &DepthArguments { depth_kind, near, far }, &self.core)?;
         let (width, height) = (seen.width, seen.height);
         let all = || (0..height).flat_map(move |y| (0..width).map(move |x| (x, y)));
         let focused = |pixels: &mut dyn Iterator<Item = (usize, usize)>, quantile: f64| {
@@ -258,7 +258,7 @@ impl PyLens {
         #[pyo3(from_py_with = argument::near)] near: Option<f64>,
         #[pyo3(from_py_with = argument::far)] far: Option<f64>,
     ) -> PyResult<PyLens> {
-        let seen = read_seen_depth(depth, &DepthWords { depth_kind, near, far }, &self.core)?;
+        let seen = read_seen_depth(depth, &DepthArguments { depth_kind, near, far }, &self.core)?;
         let mut places = [[0.0; 3]; 3];
         for (place, [x, y]) in places.iter_mut().zip(pixels) {
             let (x, y) = pixel(x, y, &seen)?;

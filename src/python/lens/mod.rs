@@ -1,4 +1,4 @@
-//! `dofsim.Lens`: its own words here, other cameras' in [`cameras`], and where it is focused in [`focus`].
+//! `dofsim.Lens`: its own parameters here, those of other cameras in [`cameras`], and its focus in [`focus`].
 
 pub mod cameras;
 pub mod focus;
@@ -11,10 +11,10 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-/// Hash of a settings value by its own words. A negative zero is as good as a plain one.
-pub fn hash_words(words: &str) -> u64 {
+/// Hash of the text of a settings value. A negative zero equals a plain one.
+pub fn hash_text(text: &str) -> u64 {
     let mut hasher = DefaultHasher::new();
-    for word in words.split([' ', '=', ',', '(', ')']) {
+    for word in text.split([' ', '=', ',', '(', ')']) {
         let word = if word == "-0.0" { "0.0" } else { word };
         word.hash(&mut hasher);
     }
@@ -129,7 +129,7 @@ impl PyLens {
             vignetting: choice("vignetting", vignetting, &Vignetting::NAMES)?,
         };
         let lens = Lens::thin(aperture_radius, focus_distance, fov, fov_axis)?;
-        Ok(PyLens { core: lens.mounted(mount)?.flawed(aberrations)? })
+        Ok(PyLens { core: lens.mounted(mount)?.with_aberrations(aberrations)? })
     }
 
     /// A lens over relative disparity, as a monocular depth network gives it, with no metric claim.
@@ -192,7 +192,9 @@ impl PyLens {
             vignetting: choice("vignetting", vignetting, &Vignetting::NAMES)?,
             ..Aberrations::NONE
         };
-        Ok(PyLens { core: Lens::from_disparity(strength, focus)?.mounted(mount)?.flawed(aberrations)? })
+        Ok(PyLens {
+            core: Lens::from_disparity(strength, focus)?.mounted(mount)?.with_aberrations(aberrations)?,
+        })
     }
 
     /// Radius of the opening in metres; None for a lens over relative disparity.
@@ -339,7 +341,7 @@ impl PyLens {
     /// 0.0
     #[pyo3(signature = (**changes))]
     fn replace(&self, py: Python<'_>, changes: Option<&Bound<'_, PyDict>>) -> PyResult<PyLens> {
-        let words = self.words(py)?;
+        let words = self.arguments(py)?;
         for (key, value) in changes.into_iter().flatten() {
             if !words.contains(&key)? {
                 let own: Vec<String> = words.keys().iter().map(|k| k.to_string()).collect();
@@ -350,7 +352,7 @@ impl PyLens {
             }
             words.set_item(key, value)?;
         }
-        self.maker(py)?
+        self.constructor(py)?
             .call((), Some(&words))?
             .extract::<PyRef<'_, PyLens>>()
             .map(|l| l.clone())
@@ -358,8 +360,8 @@ impl PyLens {
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
-        // What is as it is by default is left out, but for the words of the lens itself.
-        let (words, plain) = (self.words(py)?, self.plain().words(py)?);
+        // Parameters with their default value are left out, except for those of the thin lens itself.
+        let (words, plain) = (self.arguments(py)?, self.plain().arguments(py)?);
         let own = match self.core.base {
             Base::Thin { .. } => 4,
             Base::Relative { .. } => 2,
@@ -374,11 +376,11 @@ impl PyLens {
                 shown.push(format!("{key}={value}"));
             }
         }
-        let maker = match self.core.base {
+        let constructor = match self.core.base {
             Base::Thin { .. } => "Lens",
             Base::Relative { .. } => "Lens.from_disparity",
         };
-        Ok(format!("{maker}({})", shown.join(", ")))
+        Ok(format!("{constructor}({})", shown.join(", ")))
     }
 
     /// What a notebook shows: the words of the lens, and how blur grows with the distance.
@@ -387,30 +389,30 @@ impl PyLens {
     }
 
     fn __hash__(&self, py: Python<'_>) -> PyResult<u64> {
-        Ok(hash_words(&self.__repr__(py)?))
+        Ok(hash_text(&self.__repr__(py)?))
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        // functools.partial carries the keyword-only arguments.
+        // functools.partial passes the keyword-only arguments.
         let partial = py.import("functools")?.getattr("partial")?;
-        let call = partial.call((self.maker(py)?,), Some(&self.words(py)?))?;
+        let call = partial.call((self.constructor(py)?,), Some(&self.arguments(py)?))?;
         Ok((call, PyTuple::empty(py)))
     }
 }
 
-/// The name that a choice goes by.
+/// The public name of a choice.
 fn name_of<T: Copy + PartialEq>(value: T, names: &[(&'static str, T)]) -> Option<&'static str> {
     names.iter().find(|(_, own)| *own == value).map(|(name, _)| *name)
 }
 
 impl PyLens {
-    /// The same thin lens with nothing to it.
+    /// The same lens without a mount and without aberrations.
     fn plain(&self) -> PyLens {
         PyLens { core: Lens { mount: Mount::PLAIN, aberrations: Aberrations::NONE, ..self.core } }
     }
 
-    /// The constructor that makes such a lens.
-    fn maker<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+    /// The constructor of such a lens.
+    fn constructor<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let class = py.get_type::<PyLens>();
         match self.core.base {
             Base::Thin { .. } => Ok(class.into_any()),
@@ -419,7 +421,7 @@ impl PyLens {
     }
 
     /// The arguments of that constructor.
-    fn words<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+    fn arguments<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let words = PyDict::new(py);
         match self.core.base {
             Base::Thin { aperture_radius, focus_distance, fov, .. } => {

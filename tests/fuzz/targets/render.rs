@@ -179,7 +179,7 @@ fn lens(u: &mut Unstructured) -> std::result::Result<Lens, Refused> {
             _ => aberrations.vignetting = *u.choose(&Vignetting::NAMES.map(|(_, kind)| kind))?,
         }
     }
-    Ok(base.mounted(mount)?.flawed(aberrations)?)
+    Ok(base.mounted(mount)?.with_aberrations(aberrations)?)
 }
 
 fn aperture(u: &mut Unstructured) -> std::result::Result<Aperture, Refused> {

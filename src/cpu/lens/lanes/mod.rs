@@ -1,4 +1,4 @@
-//! The few operations of the sweep on a row of cells, for each instruction set.
+//! The operations of the sweep on a row of cells, for each instruction set.
 //!
 //! All implementations give the same bits: comparisons are exact, and sums are plain additions in the same order.
 

@@ -1,12 +1,12 @@
-//! What the sweep does with a row of cells.
+//! The operations of the sweep on a row of cells.
 
-/// Half-planes of a row of cells, and the ray that tests them.
+/// Half-planes of a row of cells, and the ray that is tested against them.
 #[derive(Clone, Copy)]
 pub struct HalfPlaneRow {
     pub normal_x: *const f32,
     pub normal_y: *const f32,
     pub cut: *const f32,
-    /// DepthCodes of the cells.
+    /// Depth codes of the cells.
     pub code: *const u16,
     /// Where the ray meets a cell of code `u`, from the cell's centre: `(ax u + bx, ay u + by)`.
     pub ray: CellRay,
@@ -25,33 +25,33 @@ pub struct CellRay {
 ///
 /// # Safety
 ///
-/// Implementations use instructions that the caller has to have detected, and read `CELLS` values from every
-/// pointer.
+/// The caller must have detected the instructions that an implementation uses, and implementations read `CELLS`
+/// values from every pointer.
 pub unsafe trait Lanes {
-    /// Cells handled at once, as many as leave the sums of three channels and two rows in registers.
+    /// Number of cells processed together: as many as leave the sums of three channels and two rows in registers.
     const CELLS: usize;
     /// Sums of one channel.
     type Sum: Copy;
-    /// Some of the cells.
+    /// A subset of the cells.
     type Mask: Copy;
 
-    /// All sums zero.
+    /// Sums of zero.
     unsafe fn zero() -> Self::Sum;
-    /// The cells whose bit is set.
+    /// The cells whose bits are set.
     unsafe fn mask(bits: u32) -> Self::Mask;
-    /// The bits of some cells.
+    /// The bits of a subset of cells.
     unsafe fn bits(cells: Self::Mask) -> u32;
-    /// Whether there is none.
+    /// Whether the subset is empty.
     unsafe fn is_none(cells: Self::Mask) -> bool;
-    /// The cells of both.
+    /// The union of two subsets.
     unsafe fn union(a: Self::Mask, b: Self::Mask) -> Self::Mask;
     /// The cells of `a` that are not in `b`.
     unsafe fn without(a: Self::Mask, b: Self::Mask) -> Self::Mask;
-    /// Those of some cells that reach into the codes `from .. to`: `hi >= from && lo < to`.
+    /// The cells of a subset that span some of the codes `from .. to`: `hi >= from && lo < to`.
     unsafe fn hits(of: Self::Mask, lo: *const u16, hi: *const u16, from: u16, to: u16) -> Self::Mask;
     /// Adds the values of all cells.
     unsafe fn add_all(sum: &mut Self::Sum, values: *const f32);
-    /// Adds the values of some cells.
+    /// Adds the values of a subset of cells.
     unsafe fn add(sum: &mut Self::Sum, values: *const f32, cells: Self::Mask);
     /// Writes the sums out.
     unsafe fn store(sum: Self::Sum, out: *mut f32);
@@ -59,7 +59,7 @@ pub unsafe trait Lanes {
     unsafe fn covered(row: &HalfPlaneRow) -> u32;
 }
 
-/// Masks that are bits, on which processors calculate.
+/// Masks that are plain bits, with the processor's own bit operations.
 macro_rules! bit_masks {
     () => {
         #[inline(always)]

@@ -1,8 +1,8 @@
-//! Any processor.
+//! The implementation for any processor.
 
 use super::operations::{HalfPlaneRow, Lanes, bit_masks};
 
-/// Any processor.
+/// Works on any processor.
 pub struct Portable;
 
 // SAFETY: no special instructions; reads and writes CELLS values as the trait says.

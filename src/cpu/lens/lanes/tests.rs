@@ -1,7 +1,7 @@
 use super::*;
 use proptest::prelude::*;
 
-/// What an implementation finds and adds up, cell by cell.
+/// The cells that an implementation finds, and its sums, cell by cell.
 unsafe fn found<L: Lanes>(
     of: u32,
     lo: &[u16; 32],
@@ -36,7 +36,7 @@ proptest! {
         from in 1u16..8,
         codes in 1u16..8,
     ) {
-        // DepthCodes about either end of their range, where signed and unsigned order differ.
+        // Codes at both ends of their range, where signed and unsigned order differ.
         let code = |code: u16| if far && code > 0 { u16::MAX - 16 + code } else { code };
         let lo: [u16; 32] = std::array::from_fn(|i| code(cells[i].0.min(cells[i].1)));
         let hi: [u16; 32] = std::array::from_fn(|i| code(cells[i].0.max(cells[i].1)));

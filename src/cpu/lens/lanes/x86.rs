@@ -1,4 +1,4 @@
-//! x86-64 with AVX2 or AVX-512.
+//! The implementations for x86-64 with AVX2 and with AVX-512.
 
 use super::operations::{HalfPlaneRow, Lanes, bit_masks};
 use std::arch::x86_64::*;
@@ -93,7 +93,7 @@ pub struct Avx2;
 unsafe impl Lanes for Avx2 {
     const CELLS: usize = 16;
     type Sum = [__m256; 2];
-    // All bits of the 16 that a cell's depths have.
+    // For each cell 16 bits, the size of a depth code; all of them are set or all are clear.
     type Mask = __m256i;
 
     #[inline(always)]
@@ -159,8 +159,8 @@ unsafe impl Lanes for Avx2 {
     unsafe fn hits(of: __m256i, lo: *const u16, hi: *const u16, from: u16, to: u16) -> __m256i {
         // SAFETY: as the trait demands of the caller.
         unsafe {
-            // Subtraction that stops at zero stands in for unsigned comparison: nothing is left of `a - b` where
-            // `a <= b`; and `lo < to` is `lo <= to - 1`, as to > 0.
+            // Saturating subtraction replaces unsigned comparison: `a - b` is zero where `a <= b`. And `lo < to` is
+            // `lo <= to - 1`, as to > 0.
             let from = _mm256_set1_epi16(from.cast_signed());
             let last = _mm256_set1_epi16(to.wrapping_sub(1).cast_signed());
             let below = _mm256_subs_epu16(from, _mm256_loadu_si256(hi.cast()));

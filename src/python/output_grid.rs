@@ -1,21 +1,21 @@
-//! How the picture that is given relates to the output: its margin, and its finer pixels.
+//! The relation of the given picture to the output: its margin, and its finer pixels.
 
 use crate::optics;
 use crate::picture::Size;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-/// How the picture relates to the output.
+/// The margin and the super-sampling of the given picture relative to the output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Frame {
-    /// Pixels of margin on every side, not in the output.
+pub struct OutputGrid {
+    /// Pixels of margin on every side, which are not part of the output.
     pub overscan: usize,
-    /// Pixels of the picture to one of the output, along each axis.
+    /// Pixels of the picture per pixel of the output, along each axis.
     pub supersample: usize,
 }
 
-impl Frame {
-    pub fn new(size: Size, overscan: usize, supersample: usize) -> PyResult<Frame> {
+impl OutputGrid {
+    pub fn new(size: Size, overscan: usize, supersample: usize) -> PyResult<OutputGrid> {
         if !(1..=16).contains(&supersample) {
             return Err(PyValueError::new_err(format!(
                 "supersample must be from 1 to 16; got {supersample}"
@@ -33,7 +33,7 @@ impl Frame {
                 "overscan must leave a picture: twice {overscan} is not less than {smaller} pixels"
             )));
         }
-        Ok(Frame { overscan, supersample })
+        Ok(OutputGrid { overscan, supersample })
     }
 
     /// Size of the output with its margin.
@@ -41,7 +41,7 @@ impl Frame {
         Size { width: size.width / self.supersample, height: size.height / self.supersample, ..size }
     }
 
-    /// The picture as the lens has it: the field of view spans the output, whose pixels the picture divides.
+    /// The frame for the lens: its field of view spans the output, and the picture subdivides the output's pixels.
     pub fn geometry(&self, size: Size) -> optics::Frame {
         let Size { width, height, .. } = self.resolved(size);
         let (width, height) = (width - 2 * self.overscan, height - 2 * self.overscan);
