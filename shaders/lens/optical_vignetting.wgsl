@@ -46,17 +46,24 @@ fn open_part(second_stop: SecondStop, stop: vec2<f32>) -> f32 {
     return along + (turn - f32(direction)) * (open_along(second_stop, direction + 1u, apart) - along);
 }
 
-// The weight of lens point `l` for a pixel, relative to a pixel that sees the whole opening. The opening is drawn `t`
-// pixels large.
-fn clipped_share(second_stop: SecondStop, at: vec2<f32>, l: vec2<f32>, t: f32) -> f32 {
+// The weight for a pixel of the lens point from which it sees a highlight at the offset `d`, relative to a pixel that
+// sees the whole opening. The opening is drawn `t` pixels large. Where it is inside its own pixel, that pixel has all
+// of its light.
+fn clipped_share(second_stop: SecondStop, at: vec2<f32>, d: vec2<f32>, t: f32) -> f32 {
+    let beyond_pixel = clamp(abs(t) - 0.5, 0.0, 1.0);
+    if beyond_pixel == 0.0 {
+        return 1.0;
+    }
+    let l = d / t;
     let stop = stop_of(second_stop, at);
     var pupil = l / (1.0 - length(second_stop.lean) + dot(second_stop.lean, l));
     // A pixel on the rim of the lens itself is evaluated half a pixel inside, where its light is.
     let innermost = max(1.0 - 0.5 / abs(t), 0.0) / max(length(pupil), 1e-9);
     pupil *= min(innermost, 1.0);
     let open = open_part(second_stop, stop);
-    if open <= 0.0 {
-        return 0.0;
+    var share = 0.0;
+    if open > 0.0 {
+        share = clamp(0.5 + abs(t) * (1.0 - length(pupil - stop)), 0.0, 1.0) / open;
     }
-    return clamp(0.5 + abs(t) * (1.0 - length(pupil - stop)), 0.0, 1.0) / open;
+    return 1.0 + beyond_pixel * (share - 1.0);
 }

@@ -1,4 +1,4 @@
-//! Highlights: cells that are much brighter than their surroundings, whatever is in focus.
+//! Highlights: the light by which cells outshine their surroundings, whatever is in focus.
 
 use super::colors::Colors;
 use super::grid::BLOCK;
@@ -7,20 +7,26 @@ use crate::picture::Size;
 use crate::simd::Simd;
 use rayon::prelude::*;
 
-/// A cell is a highlight when it is brighter than this many times its surroundings. At this limit, one lens sample of
-/// 512 that appears or disappears changes a pixel of the disc by one hundredth of the surroundings.
+/// A cell is a highlight by what it has above this many times its surroundings. At this limit, one lens sample of 512
+/// that appears or disappears changes a pixel of the disc by one hundredth of the surroundings.
 pub const HIGHLIGHT_RATIO: f32 = 5.0;
 /// Number of blocks on each side whose mean is taken for the surroundings.
 const AROUND: usize = 2;
 
 /// Number of channels that hold light: the last of two or four is coverage, which has no brightness.
-fn light_channels(size: Size) -> usize {
+pub fn light_channels(size: Size) -> usize {
     if size.channels == 2 { 1 } else { size.channels.min(3) }
 }
 
 /// How bright a colour is.
 fn brightness(color: &[f32; 4], lights: usize) -> f32 {
     color[..lights].iter().sum()
+}
+
+/// The part of a colour's light that is above a limit of brightness: 0 up to the limit, and continuous from there on.
+fn part_above(color: &[f32; 4], lights: usize, limit: f32) -> f32 {
+    let bright = brightness(color, lights);
+    if bright > limit { 1.0 - limit / bright } else { 0.0 }
 }
 
 /// The light of some cells.
@@ -46,7 +52,7 @@ struct BlockLight {
     size: Size,
     across: usize,
     down: usize,
-    /// Light of the cells that are no highlights.
+    /// Light of the cells, without what is above the limit.
     light: Vec<Light>,
     /// The brightest cell.
     brightest: Vec<f32>,
@@ -55,8 +61,8 @@ struct BlockLight {
 }
 
 impl BlockLight {
-    /// The surroundings of a layer's cells. A first pass averages all cells, a second pass those that are not
-    /// brighter than the limit of the first.
+    /// The surroundings of a layer's cells. A first pass averages all cells, a second pass what is not above the limit
+    /// of the first.
     fn new(size: Size, colors: &Colors, simd: Simd) -> BlockLight {
         let (across, down) = (size.width.div_ceil(BLOCK), size.height.div_ceil(BLOCK));
         let lights = light_channels(size);
@@ -81,9 +87,9 @@ impl BlockLight {
                 return all.light[b];
             }
             let mut light = Light::default();
-            let colors = all.cells(b).map(|i| colors.at(i));
-            for color in colors.filter(|color| brightness(color, lights) <= all.limit[b]) {
-                light.add(&Light { sum: color, cells: 1.0 });
+            for color in all.cells(b).map(|i| colors.at(i)) {
+                let kept = 1.0 - part_above(&color, lights, all.limit[b]);
+                light.add(&Light { sum: color.map(|v| kept * v), cells: 1.0 });
             }
             light
         };
@@ -105,7 +111,8 @@ impl BlockLight {
 
     /// The brightness limits that follow from the light of the blocks.
     fn limits(&self) -> Vec<f32> {
-        let limit = |b: usize| HIGHLIGHT_RATIO * brightness(&self.around(b), light_channels(self.size));
+        let around = |b: usize| brightness(&self.around(b), light_channels(self.size)).max(0.0);
+        let limit = |b: usize| HIGHLIGHT_RATIO * around(b);
         (0..self.light.len()).into_par_iter().map(limit).collect()
     }
 
@@ -145,10 +152,12 @@ fn add_row(row: &[f32], width: usize, lights: usize, blocks: &mut [(Light, f32)]
 #[derive(Clone, Copy)]
 pub struct Bright {
     pub index: usize,
-    /// Its colour without the excess of light over its surroundings.
+    /// Its colour without the light by which it outshines its surroundings.
     pub dim: [f32; 4],
-    /// That excess, multiplied by the part of the pixel that the cell covers.
+    /// That light.
     pub excess: [f32; 4],
+    /// The part of the pixel that the cell covers.
+    pub area: f32,
 }
 
 /// Finds the highlights of each layer.
@@ -162,10 +171,11 @@ pub fn find(size: Size, layers: &[SceneLayer], simd: Simd) -> Vec<Vec<Bright>> {
             Some(own) if own.limit[b] > front.limit[b] => own,
             _ => &front,
         };
-        let stands_out = |&index: &usize| {
-            let bright = brightness(&layer.colors.at(index), lights);
-            bright > brighter(front.block_of(index)).limit[front.block_of(index)]
+        let above = |index: usize, color: &[f32; 4]| {
+            let b = front.block_of(index);
+            part_above(color, lights, brighter(b).limit[b])
         };
+        let stands_out = |&index: &usize| above(index, &layer.colors.at(index)) > 0.0;
         let found: Vec<usize> = if layer.colors.is_list() {
             let cells = layer.colors.listed(0..size.pixels()).par_iter().map(|cell| cell.index);
             cells.filter(stands_out).collect()
@@ -176,16 +186,14 @@ pub fn find(size: Size, layers: &[SceneLayer], simd: Simd) -> Vec<Vec<Bright>> {
             blocks.flat_map_iter(|b| front.cells(b)).filter(stands_out).collect()
         };
         let bright = |index: usize| {
-            let b = front.block_of(index);
-            let (color, around) = (layer.colors.at(index), brighter(b).around(b));
-            let above = |c: usize| (color[c] - around[c].max(0.0)).max(0.0);
-            let excess: [f32; 4] = std::array::from_fn(|c| if c < lights { above(c) } else { 0.0 });
+            let color = layer.colors.at(index);
+            let above = above(index, &color);
+            let excess: [f32; 4] = std::array::from_fn(|c| if c < lights { above * color[c] } else { 0.0 });
             let area = match layer.partial.binary_search_by_key(&index, |p| p.0) {
                 Ok(i) => layer.partial[i].1.area,
                 Err(_) => 1.0,
             };
-            let dim = std::array::from_fn(|c| color[c] - excess[c]);
-            Bright { index, dim, excess: excess.map(|e| area * e) }
+            Bright { index, dim: std::array::from_fn(|c| color[c] - excess[c]), excess, area }
         };
         found.into_iter().map(bright).collect()
     };

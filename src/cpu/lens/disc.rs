@@ -12,39 +12,18 @@ use crate::rows::with_channels;
 use crate::scene::colors::Colors;
 use crate::scene::grid::TILE;
 use crate::simd::Simd;
-use std::ops::{Add, Sub};
 
 /// Number of pixels that are convolved together.
 const LANES: usize = 16;
 /// Rows of a tile of one depth that are convolved together; the rows of a whole tile are a multiple of this.
 const ROWS: usize = 2;
 
-/// The number type of running sums.
+/// The surroundings of a tile as rows of running sums, with mirrored borders.
 ///
 /// In `f32`, a run that ends far along a row keeps the colour of its pixels to a hundred-thousandth, as long as no
-/// pixel outshines the rest; a disc averages over many runs. If highlights are still in the picture, `f64` is needed.
-pub trait Real: Copy + Default + From<f32> + Add<Output = Self> + Sub<Output = Self> {
-    /// Rounds to the number type of pictures.
-    fn to_f32(self) -> f32;
-}
-
-impl Real for f32 {
-    #[inline(always)]
-    fn to_f32(self) -> f32 {
-        self
-    }
-}
-
-impl Real for f64 {
-    #[inline(always)]
-    fn to_f32(self) -> f32 {
-        self as f32
-    }
-}
-
-/// The surroundings of a tile as rows of running sums, with mirrored borders.
+/// pixel outshines the rest; a disc averages over many runs.
 #[derive(Default)]
-pub struct RunningSums<T> {
+pub struct RunningSums {
     reach: usize,
     across: usize,
     down: usize,
@@ -52,24 +31,24 @@ pub struct RunningSums<T> {
     color: Vec<f32>,
     /// Running sums along each row of each plane: one more value than there are columns, and [`LANES`] more at the
     /// end.
-    sums: Vec<T>,
+    sums: Vec<f32>,
     /// One row of the frame, all channels.
     row: Vec<f32>,
 }
 
 /// The group of values that starts at `at`.
 #[inline(always)]
-fn group<T>(values: &[T], at: usize) -> &[T; LANES] {
+fn group(values: &[f32], at: usize) -> &[f32; LANES] {
     values[at..].first_chunk().expect("planes are longer by a group")
 }
 
-impl<T: Real> RunningSums<T> {
+impl RunningSums {
     /// Reads the surroundings of the tile at `origin`.
     fn fill(&mut self, size: Size, colors: &Colors, origin: (usize, usize), reach: usize) {
         let (across, down) = (TILE.0 + 2 * reach, TILE.1 + 2 * reach);
         (self.reach, self.across, self.down) = (reach, across, down);
         self.color.resize(size.channels * across * down + LANES, 0.0);
-        self.sums.resize(size.channels * (across + 1) * down + LANES, T::default());
+        self.sums.resize(size.channels * (across + 1) * down + LANES, 0.0);
         let from = |start: usize, n: usize, extent: usize| -> Vec<usize> {
             (0..n).map(|i| mirrored((start + i) as i64 - reach as i64, extent).0).collect()
         };
@@ -101,11 +80,11 @@ impl<T: Real> RunningSums<T> {
             let color: [&[f32]; C] =
                 std::array::from_fn(|c| &self.color[(c * down + j) * across..][..across]);
             let sums = sums.each_mut().map(|plane| &mut plane[j * (across + 1)..][..across + 1]);
-            let mut sum = [T::default(); C];
+            let mut sum = [0.0f32; C];
             for x in 0..across {
                 for c in 0..C {
                     sums[c][x] = sum[c];
-                    sum[c] = sum[c] + T::from(color[c][x]);
+                    sum[c] = sum[c] + color[c][x];
                 }
             }
             for c in 0..C {
@@ -134,7 +113,7 @@ impl<T: Real> RunningSums<T> {
     #[inline(always)]
     fn convolve<const R: usize>(&self, disc: &Disc, channel: usize, x: usize, y: usize) -> [[f32; LANES]; R] {
         let line = channel * self.down + y;
-        let (mut runs, mut edges) = ([[T::default(); LANES]; R], [[0.0f32; LANES]; R]);
+        let (mut runs, mut edges) = ([[0.0f32; LANES]; R], [[0.0f32; LANES]; R]);
         let sums = &self.sums[line * (self.across + 1) + x..];
         for &[first, end] in &disc.runs {
             for r in 0..R {
@@ -150,7 +129,7 @@ impl<T: Real> RunningSums<T> {
         }
         for r in 0..R {
             for i in 0..LANES {
-                edges[r][i] += disc.run_weight * runs[r][i].to_f32();
+                edges[r][i] += disc.run_weight * runs[r][i];
             }
         }
         edges
@@ -167,9 +146,9 @@ struct Disc {
 }
 
 #[inline(always)]
-fn add_between<T: Real>(sum: &mut [T; LANES], before: &[T; LANES], after: &[T; LANES]) {
+fn add_between(sum: &mut [f32; LANES], before: &[f32; LANES], after: &[f32; LANES]) {
     for i in 0..LANES {
-        sum[i] = sum[i] + (after[i] - before[i]);
+        sum[i] += after[i] - before[i];
     }
 }
 
@@ -196,12 +175,7 @@ pub struct Gather<'a> {
 impl Gather<'_> {
     /// Renders the tile at `origin` in strips of [`LANES`] columns. The values that a pixel sums up are then still in
     /// the cache when the pixel below it is summed up.
-    pub fn tile<T: Real>(
-        &self,
-        origin: (usize, usize),
-        around: &mut RunningSums<T>,
-        out: &mut TileColor,
-    ) -> Result<()> {
+    pub fn tile(&self, origin: (usize, usize), around: &mut RunningSums, out: &mut TileColor) -> Result<()> {
         let extent = extent(self.size, origin);
         let strips = (0..extent.0).step_by(LANES);
         match Surface::new(self.s, self.size, self.s_focus, origin) {
@@ -231,9 +205,9 @@ impl Gather<'_> {
 
     /// Renders columns `x .. x + LANES` of a tile of varying depth. For each disc in turn, it adds the share of the
     /// pixels that lie between this disc and its neighbours.
-    fn tilted_strip<T: Real>(
+    fn tilted_strip(
         &self,
-        around: &RunningSums<T>,
+        around: &RunningSums,
         (first, discs): (i32, &[Disc]),
         origin: (usize, usize),
         x: usize,
@@ -266,8 +240,8 @@ impl Gather<'_> {
 
 /// Adds one disc to each of the pixels from `(x, y)` on, weighted by the pixel's share of it.
 #[inline(always)]
-fn add_shares<T: Real>(
-    around: &RunningSums<T>,
+fn add_shares(
+    around: &RunningSums,
     disc: &Disc,
     (x, y): (usize, usize),
     shares: &[f32; LANES],
@@ -282,8 +256,8 @@ fn add_shares<T: Real>(
 
 /// Renders columns `x .. x + LANES` of a tile of one depth.
 #[inline(always)]
-fn level_strip<T: Real>(
-    around: &RunningSums<T>,
+fn level_strip(
+    around: &RunningSums,
     disc: &Disc,
     x: usize,
     rows: usize,

@@ -15,24 +15,27 @@ mod tile_color;
 mod widen;
 
 use crate::cancel::Cancel;
-use crate::cpu::tiles::split;
+use crate::cpu::tiles::{Tile, split};
 use crate::error::Result;
 use crate::optics::Optics;
-use crate::picture::Picture;
+use crate::picture::{Picture, Size};
 use crate::plan::lens::disc::Surface;
-use crate::plan::lens::highlights::{Highlights, extract};
-use crate::plan::lens::kernels::{self, Kernels};
+use crate::plan::lens::highlights::Highlights;
+use crate::plan::lens::kernels::Kernels;
 use crate::plan::lens::optical_vignetting::PupilClip;
 use crate::plan::lens::tiles::{self, Work};
 use crate::plan::lens::{Plan, Settings};
 use crate::rows::{ITEMS_PER_TASK, interleave, with_channels};
-use crate::scene::colors::Colors;
+use crate::scene::colors::{CellColor, Colors};
 use crate::scene::grid::TILE;
+use crate::scene::highlights::light_channels;
+use crate::scene::layer::SceneLayer;
 use crate::scene::layered::LayeredScene;
 use crate::simd::Simd;
+use highlights::{Discs, Drawing, Visibility};
 use padded::Padded;
 use rayon::prelude::*;
-use sweep::{Segments, Start};
+use sweep::{Lit, Segments, Start, Sweep};
 use tile_color::TileColor;
 
 /// Tiles that a worker takes at a time: more than elsewhere, because it allocates scratch memory each time.
@@ -61,54 +64,71 @@ pub fn render(
     let size = picture.size;
     cancel.check()?;
     let clip = settings.second_stop.map(|second_stop| PupilClip::new(second_stop, &settings.aperture));
-    let Plan { s_focus, reach_px, padding, bounds, tiles, sample_sets, footprint, missed } =
-        Plan::new(scene, optics, settings, supersample);
-    let needed = tiles::needed(&padding, &bounds, &tiles);
+    let plan = Plan::new(scene, optics, settings, supersample);
     cancel.check()?;
-    let mut padded = Padded::new(scene, padding, bounds, reach_px, &needed, simd);
+    let highlights = Highlights::new(scene, &plan, simd);
+    cancel.check()?;
+    let Plan { s_focus, padding, bounds, tiles, sample_sets, footprint, light_footprint, missed, .. } = plan;
+    let needed = tiles::needed(&padding, &bounds, &tiles);
+    let mut padded = Padded::new(scene, padding, bounds, &needed, simd);
     cancel.check()?;
 
     let mut colors: Vec<Colors> = scene.layers.iter().map(|layer| layer.colors.clone()).collect();
-    let mut highlights = Vec::new();
-    let highlights_are_out = !sample_sets.is_empty();
-    if highlights_are_out {
-        let dimmed;
-        (highlights, dimmed) = extract(scene, &padded.padding, s_focus, simd);
-        for (colors, dimmed) in colors.iter_mut().zip(dimmed).filter(|(_, dimmed)| !dimmed.is_empty()) {
-            *colors = colors.with(dimmed);
-        }
-        highlights::find_hidden(&mut highlights, &padded, s_focus);
-        cancel.check()?;
+    for (colors, dimmed) in colors.iter_mut().zip(&highlights.dimmed).filter(|(_, dimmed)| !dimmed.is_empty())
+    {
+        *colors = colors.with(dimmed.clone());
+    }
+    if !sample_sets.is_empty() {
         let drawn = scene.layers.iter().zip(&colors).map(|(layer, colors)| {
             widen::widened(&footprint, layer, colors, size, s_focus, simd).unwrap_or_else(|| colors.clone())
         });
         padded.set_colors(scene, &drawn.collect::<Vec<_>>(), &footprint, s_focus, simd);
         cancel.check()?;
     }
-    let highlights = Highlights::new(highlights, &padded.padding, &tiles);
+    let lights = Size { channels: light_channels(size), ..size };
+    if highlights.any_hidden() {
+        let widened = |(layer, light): (&SceneLayer, &Vec<CellColor>)| {
+            (!light.is_empty()).then(|| {
+                let light = Colors::of_cells(lights, light.clone());
+                widen::widened(&light_footprint, layer, &light, lights, s_focus, simd).unwrap_or(light)
+            })
+        };
+        let light: Vec<_> = scene.layers.iter().zip(&highlights.light).map(widened).collect();
+        padded.set_light(&light, lights);
+        cancel.check()?;
+    }
 
     let front = &scene.layers[0];
     let discs = tiles.par_iter().filter(|tile| tile.work == Work::Disc);
     let discs = discs.map(|tile| Surface::new(&front.s, size, s_focus, tile.origin));
     let surfaces: Vec<Surface> = discs.collect();
-    let keys = surfaces.iter().flat_map(Surface::keys).chain(highlights.shifts().map(kernels::key)).collect();
+    let keys = surfaces.iter().flat_map(Surface::keys).chain(highlights.keys()).collect();
     let level = surfaces.iter().filter_map(Surface::level);
     let kernels = Kernels::new(&settings.aperture, s_focus, keys, level, cancel)?;
-    // Every cell that outshines the rest is in the list of highlights, whether or not it was taken out of the layers.
-    let none_outshines = highlights_are_out || surfaces.is_empty() || scene.bright(simd)[0].is_empty();
     let gather =
         disc::Gather { size, colors: &colors[0], s: &front.s, s_focus, kernels: &kernels, simd, cancel };
+    let drawing = Drawing { highlights: &highlights, kernels: &kernels, clip: clip.as_ref(), cancel };
+    let discs = Discs::new(&drawing, lights)?;
 
-    let pass = highlights::HighlightPass { padded: &padded, s_focus, kernels: &kernels, clip: clip.as_ref() };
-    let mut slots = split(out, size, TILE);
-    slots.par_iter_mut().zip(&tiles).enumerate().with_max_len(TILES_PER_TASK).try_for_each_init(
-        || (Segments::default(), Sums::default(), TileColor::new(size.channels)),
-        |(segments, sums, color), (i, (slot, tile))| {
+    let mut visibility = highlights.any_hidden().then(|| Visibility::new(lights, &scene.layers));
+    let mut lit = visibility.as_mut().map(Visibility::lights);
+    let mut lit = lit.as_mut().map_or(Vec::new(), |(size, lights)| split(lights, *size, TILE));
+    lit.resize_with(tiles.len(), || Tile { origin: (0, 0), rows: Vec::new() });
+    let slots = split(out, size, TILE).into_par_iter().zip(lit).zip(&tiles);
+    slots.enumerate().with_max_len(TILES_PER_TASK).try_for_each_init(
+        || {
+            (
+                Segments::default(),
+                disc::RunningSums::default(),
+                TileColor::new(size.channels),
+                Lit::new(lights),
+            )
+        },
+        |(segments, sums, color, light), (i, ((mut slot, mut lit), tile))| {
             cancel.check()?;
             match &tile.work {
                 Work::Copy => copy(picture, tile.origin, color),
-                Work::Disc if none_outshines => gather.tile(tile.origin, &mut sums.dim, color)?,
-                Work::Disc => gather.tile(tile.origin, &mut sums.any, color)?,
+                Work::Disc => gather.tile(tile.origin, sums, color)?,
                 Work::Sweep { samples, occupied } => {
                     let start = Start {
                         padded: &padded,
@@ -122,24 +142,31 @@ pub fn render(
                         #[inline(always)]
                         || segments.trace(&start, samples),
                     );
+                    let sweep = Sweep { padded: &padded, origin: tile.origin, missed };
+                    let hidden_in_part = highlights.hidden_in_part.get(i) == Some(&true);
                     // SAFETY: the segments have just been traced there.
-                    unsafe { sweep::sweep(simd, &padded, segments, tile.origin, missed, color) };
+                    unsafe {
+                        sweep::sweep(simd, &sweep, segments, color, hidden_in_part.then_some(&mut *light))
+                    };
+                    if hidden_in_part {
+                        light.write(&mut lit);
+                    }
                 }
             }
-            highlights.draw(&pass, i, tile.origin, color);
             for (y, row) in slot.rows.iter_mut().enumerate() {
                 with_channels!(size.channels, C => interleave(color.row::<C>(y), row));
             }
             Ok(())
         },
-    )
-}
-
-/// The running sums from which discs are gathered, without highlights or with them.
-#[derive(Default)]
-struct Sums {
-    dim: disc::RunningSums<f32>,
-    any: disc::RunningSums<f64>,
+    )?;
+    let Some(discs) = discs else { return Ok(()) };
+    let slots = split(out, size, TILE).into_par_iter().zip(&tiles).enumerate();
+    slots.filter(|(_, (_, tile))| tile.work != Work::Copy).try_for_each(|(i, (mut slot, _))| {
+        cancel.check()?;
+        let visibility = visibility.as_ref().filter(|_| highlights.hidden_in_part[i]);
+        highlights::add(&discs, visibility, &mut slot, size.channels);
+        Ok(())
+    })
 }
 
 /// Renders a tile as the pinhole sees it: its layers composited.

@@ -36,8 +36,8 @@ pub struct Kernels {
     pub first_step: i32,
     /// The tiles that are rendered as discs.
     pub tiles: Vec<((usize, usize), Disc)>,
-    /// The kernel of each highlight.
-    pub of_highlights: Vec<usize>,
+    /// The two kernels of each highlight.
+    pub of_highlights: Vec<[usize; 2]>,
 }
 
 impl Kernels {
@@ -55,9 +55,8 @@ impl Kernels {
         let discs: Vec<_> = discs.map(of).collect();
         let surfaces = || discs.iter().map(|(_, surface)| surface);
         let gathered: BTreeSet<i32> = surfaces().flat_map(Surface::keys).collect();
-        let keys: Vec<i32> = highlights.shifts().map(kernels::key).collect();
 
-        let steps = gathered.iter().chain(&keys).copied().collect();
+        let steps = gathered.iter().copied().chain(highlights.keys()).collect();
         let level = surfaces().filter_map(Surface::level);
         let kernels = kernels::Kernels::new(aperture, plan.s_focus, steps, level, cancel)?;
         let nothing = Kernel { reach: 0, run_weight: 0.0, rows: Vec::new() };
@@ -88,7 +87,11 @@ impl Kernels {
                 .unwrap_or(0),
             first_step,
             tiles: discs.iter().map(|(origin, surface)| (*origin, disc(surface))).collect(),
-            of_highlights: keys.iter().map(|key| of_key[key]).collect(),
+            of_highlights: highlights
+                .all
+                .iter()
+                .map(|h| h.steps.map(|step| of_key[&(step * APART)]))
+                .collect(),
         })
     }
 }

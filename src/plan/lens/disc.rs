@@ -14,10 +14,16 @@ pub fn extent(size: Size, origin: (usize, usize)) -> (usize, usize) {
     (TILE.0.min(size.width - origin.0), TILE.1.min(size.height - origin.1))
 }
 
-/// The position of a shift on the scale of the discs between which pixels are interpolated.
+/// The position of a shift relative to infinity on the scale of the discs between which pixels are interpolated.
 #[inline(always)]
 pub fn position(s: f32, s_focus: f64) -> f64 {
-    kernels::position(f64::from(s) - s_focus) / f64::from(APART)
+    position_of(f64::from(s) - s_focus)
+}
+
+/// The position of a shift on that scale.
+#[inline(always)]
+pub fn position_of(t: f64) -> f64 {
+    kernels::position(t) / f64::from(APART)
 }
 
 /// The discs between which these positions lie.

@@ -21,11 +21,6 @@ pub fn position(t: f64) -> f64 {
     steps.copysign(t)
 }
 
-/// The radius step to which shift `t` is rounded.
-pub fn key(t: f64) -> i32 {
-    position(t).round() as i32
-}
-
 /// The shift of a radius step.
 fn shift(key: i32) -> f64 {
     let steps = f64::from(key.abs());
@@ -115,11 +110,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn steps_are_close_to_the_radius_they_stand_for() {
-        for i in -4000..4000 {
-            let t = f64::from(i) * 0.0123;
-            assert!((shift(key(t)) - t).abs() <= 0.5 / COARSE + 1e-9);
-            assert_eq!(key(shift(key(t))), key(t));
+    fn steps_have_the_radius_that_is_at_their_position() {
+        for key in -4000..4000 {
+            assert!((position(shift(key)) - f64::from(key)).abs() < 1e-9);
         }
     }
 }

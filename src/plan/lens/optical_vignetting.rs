@@ -79,8 +79,13 @@ impl PupilClip {
     }
 
     /// The weight of lens point `l` for a pixel, relative to a pixel that sees the whole opening. It is zero beyond
-    /// the stop, whose rim is as soft as a pixel. The opening is drawn `t` pixels large.
+    /// the stop, whose rim is as soft as a pixel. The opening is drawn `t` pixels large. Where it is inside its own
+    /// pixel, that pixel has all of its light.
     pub fn share(&self, [x, y]: [f64; 2], l: [f64; 2], t: f64) -> f64 {
+        let beyond_pixel = (t.abs() - 0.5).clamp(0.0, 1.0);
+        if beyond_pixel == 0.0 {
+            return 1.0;
+        }
         let (pupil, stop) = (self.aperture.pupil(l), self.second_stop.stop(x, y));
         // A pixel on the rim of the lens itself is evaluated half a pixel inside, where its light is: only the rim of
         // the second stop is to be softened, not both rims.
@@ -88,7 +93,8 @@ impl PupilClip {
         let pupil = pupil.map(|v| v * innermost.min(1.0));
         let inside = 1.0 - (pupil[0] - stop[0]).hypot(pupil[1] - stop[1]);
         let open = self.open(x, y);
-        if open > 0.0 { (0.5 + t.abs() * inside).clamp(0.0, 1.0) / open } else { 0.0 }
+        let share = if open > 0.0 { (0.5 + t.abs() * inside).clamp(0.0, 1.0) / open } else { 0.0 };
+        1.0 + beyond_pixel * (share - 1.0)
     }
 
     /// Which pixels `p` of the tile at `origin` see the opening at `pupil`, if any do: those with
