@@ -356,14 +356,17 @@ def test_ctrl_c_ends_cleanly_and_the_next_run_resumes(data, capsys, workers):
     assert f"{47 - done} written, {done} there already, 3 failed" in capsys.readouterr().out
 
 
-# A frame whose picture is to end whoever reads it, as one does that takes more memory than there is.
+# A frame whose picture is to end whoever reads it, as one does that takes more memory than there is, while
+# another file is being written.
 DEADLY = """
 import os
+from pathlib import Path
 from dofsim import io
 from dofsim.cli import main
 
 def read_rgbd(color, *arguments, **words):
     if color.name == "0001.exr":
+        Path(f"out/.0002.exr.{os.getpid()}-9.part").touch()
         os._exit(1)
     return read(color, *arguments, **words)
 
@@ -388,6 +391,7 @@ def test_a_frame_that_kills_its_worker_is_one_failure(few):
         (failure,) = map(json.loads, Path("out/failures.jsonl").read_text().splitlines())
         assert failure["color"] == str(Path("rgb/0001.exr"))
         assert failure["error"].startswith("the process that computed it was killed")
+        assert not list(Path("out").glob(".*"))
     assert batch(*arguments) == 0
 
 
