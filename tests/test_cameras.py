@@ -110,9 +110,11 @@ def test_mitsubas_scene_files(tmp_path):
         (XML.replace('<default name="radius" value="0.04"/>', ""), r"\$radius has no default"),
         ('<scene version="3.0.0"/>', "one sensor is needed; there are 0"),
         ("no XML", "no XML file"),
+        (XML.replace("focus_distance", "distance"), 'the thinlens sensor has no "focus_distance"'),
+        (XML.replace('value="0.04"', 'value="-1"'), "aperture_radius must be"),
     ]:
         path.write_text(text)
-        with pytest.raises(ValueError, match=match):
+        with pytest.raises(ValueError, match=rf"scene\.xml: (the parameter )?{match}"):
             dofsim.Lens.from_mitsuba(path)
     with pytest.raises(FileNotFoundError):
         dofsim.Lens.from_mitsuba(tmp_path / "missing.xml")
@@ -217,6 +219,17 @@ def test_blenders_cameras(tmp_path):
     assert lens.sensor_mm == 36.0
     assert (aperture.blades, aperture.ratio) == (5, 0.5)
     assert aperture.rotation == pytest.approx(np.degrees(0.2) + 36.0)
+    for text, match in [
+        ("[1]", "camera must be a"),
+        ("{}", "the camera has no"),
+        ('{"lens": "x"}', "lens must"),
+    ]:
+        path.write_text(text)
+        with pytest.raises(ValueError, match=rf"camera\.json: {match}"):
+            dofsim.Lens.from_blender(path)
+    path.write_text('{"aperture_blades": 1e9}')
+    with pytest.raises(ValueError, match=r"camera\.json: blades must be"):
+        dofsim.Aperture.from_blender(path)
     with pytest.raises(ValueError, match="shift_x must be 0"):
         dofsim.Lens.from_blender({**words, "shift_x": 0.1})
     with pytest.raises(TypeError, match="camera must be a dictionary or the path"):

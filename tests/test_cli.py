@@ -242,6 +242,11 @@ def test_ambiguous_files_list_their_channels(scene, capsys):
         (["a.exr", "-o", "o.exr", "--depth-scale", "0"], 2, "--depth-scale must be finite and not 0"),
         (["a.exr", "-o", "o.exr", "--depth-scale", "-1"], 2, "negate them (--depth-scale -1)"),
         (["a.exr", "-o", "o.exr", "--lens", "deep.toml"], 2, "deep.toml: not a TOML file: it is nested too"),
+        (
+            ["a.exr", "-o", "o.exr", "--lens", "odd.toml"],
+            2,
+            "odd.toml: an aperture has no wings; it has",
+        ),
         (["a.exr", "-o", "o.exr", "--set", f"views={'[' * 9999}"], 2, "views must be a whole number"),
         (["a.exr", "-o", "iris.png", "--lens", "iris.toml"], 2, "iris.png: is one of the inputs"),
         (["a.exr", "-o", "o.exr", "--supersample", "7"], 2, "supersample"),
@@ -261,6 +266,7 @@ def test_ambiguous_files_list_their_channels(scene, capsys):
 )
 def test_what_render_refuses(scene, tmp_path, capsys, arguments, status, message):
     (tmp_path / "deep.toml").write_text("a = " + "[" * 100_000)
+    (tmp_path / "odd.toml").write_text("[aperture]\nwings = 3\n")
     (tmp_path / "iris.toml").write_text('[aperture]\nimage = "iris.png"\n')
     io.write_image("iris.png", np.ones((5, 5)))
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}

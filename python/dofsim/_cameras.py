@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from ._files import check_regular, open_regular, read_text
+from ._names import shortened
 
 # A parameter's value may name other parameters, so that a short hostile file could stand for gigabytes.
 _LONGEST_VALUE = 4096
@@ -184,7 +185,8 @@ def _blender_words(camera: Any) -> dict[str, Any]:
     words = _json_file(camera) if _is_path(camera) else camera
     if not isinstance(words, dict):
         raise TypeError(
-            f"camera must be a dictionary or the path of a JSON file that holds one; got {words!r}"
+            "camera must be a dictionary or the path of a JSON file that holds one; got "
+            f"{shortened(repr(words))}"
         )
     return words
 
@@ -221,7 +223,7 @@ def _number(words: dict[str, Any], *names: str) -> float | None:
                     return float(value)
             except (TypeError, ValueError, OverflowError):
                 pass
-            raise TypeError(f"{name} must be a number; got {value!r}")
+            raise TypeError(f"{name} must be a number; got {shortened(repr(value))}")
     return None
 
 

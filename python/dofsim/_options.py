@@ -11,6 +11,7 @@ from typing import Any
 import dofsim
 
 from ._files import check_regular, read_text
+from ._names import listed
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -32,6 +33,17 @@ FURTHER_WORDS = (
     "sensor_mm",
     "breathing_focal_length_mm",
     "breathing",
+)
+# What openings have; see `dofsim.Aperture`.
+APERTURE_WORDS = (
+    "blades",
+    "rotation",
+    "roundness",
+    "ratio",
+    "obstruction",
+    "apodization",
+    "spherical",
+    "image",
 )
 # No pixel and no opening is beyond it, and whole numbers of 64 bits end there.
 _LARGEST = 2**63
@@ -59,7 +71,7 @@ def read_settings(
     Raises
     ------
     ValueError
-        If the file is not TOML.
+        If the file is not TOML, or its aperture has other words.
     OSError
         If it cannot be read.
     """
@@ -75,6 +87,8 @@ def read_settings(
     opening = words.pop("aperture", {})
     if not isinstance(opening, dict):
         raise ValueError(f"{path}: aperture must be a table")
+    if alien := [word for word in opening if word not in APERTURE_WORDS]:
+        raise ValueError(f"{path}: an aperture has no {listed(alien)}; it has {', '.join(APERTURE_WORDS)}")
     given = {word: value for word, value in lens.items() if value is not None}
     opened = {word: value for word, value in aperture.items() if value is not None}
     return words | given, opening | opened
