@@ -133,6 +133,9 @@ def test_mitsubas_parameters_are_filled_in_by_their_whole_names(tmp_path):
     assert dofsim.Lens.from_mitsuba(path).aperture_radius == 0.08
     path = scene_file(tmp_path / "scene.xml", "$radius", small="0.5", radius="$small")
     assert dofsim.Lens.from_mitsuba(path).aperture_radius == 0.5
+    path = scene_file(tmp_path / "scene.xml", "$early$early", later="1")
+    with pytest.raises(ValueError, match=r"the parameter \$early has no default"):
+        dofsim.Lens.from_mitsuba(path)
     doubled = {f"a{i}": 2 * f"$a{i - 1}" for i in range(1, 41)}
     path = scene_file(tmp_path / "scene.xml", "$a40", a0="9", **doubled)
     with pytest.raises(ValueError, match="a value is longer than 4096 characters"):

@@ -151,11 +151,11 @@ def _scene_file(path: Any) -> dict[str, Any]:
         if child.tag not in ("float", "integer", "string"):
             continue
         name, value = child.get("name", ""), filled(child)
-        if "$" in value:
-            raise refused(f"the parameter ${value.partition('$')[2]} has no default")
+        if missing := re.search(r"\$\w*", value):
+            raise refused(f"the parameter {shortened(missing[0])} has no default")
         words[name] = value if child.tag == "string" else _parsed(value)
         if words[name] is None:
-            raise refused(f"{name} must be a number; got {_quoted(value)}")
+            raise refused(f"{shortened(name)} must be a number; got {_quoted(shortened(value))}")
     return words
 
 

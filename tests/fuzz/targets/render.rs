@@ -139,7 +139,11 @@ fn depth_kind(u: &mut Unstructured) -> Result<DepthKind> {
         1 => DepthKind::InverseZ,
         2 => DepthKind::Disparity,
         3 => DepthKind::Relative,
-        4 => DepthKind::ZBuffer { near: 0.1, far: if u.arbitrary()? { 100.0 } else { f64::INFINITY } },
+        4 => {
+            let planes = (0.1, if u.arbitrary()? { 100.0 } else { f64::INFINITY });
+            let (near, far) = if u.ratio(1, 4)? { (planes.1, planes.0) } else { planes };
+            DepthKind::ZBuffer { near, far, first: if u.ratio(1, 4)? { -1.0 } else { 0.0 } }
+        }
         5 => DepthKind::DistanceFromNear { near: 0.1 },
         _ => DepthKind::Z,
     })
