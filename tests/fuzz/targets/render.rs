@@ -3,15 +3,15 @@
 
 use _dofsim::aperture::{self, Aperture};
 use _dofsim::cancel::Cancel;
-use _dofsim::simd::Simd;
 use _dofsim::depth::{DepthKind, Invalid, disparity_plane};
 use _dofsim::device::Device;
 use _dofsim::error::Error;
+use _dofsim::method::Method;
 use _dofsim::optics::{Aberrations, FovAxis, Frame, Lens, Mount, Strength, Vignetting};
 use _dofsim::picture::{Layer, Picture, Size};
 use _dofsim::plan::{gaussian, hexagonal, lens, levels, poisson, sprites, taps};
-use _dofsim::method::Method;
 use _dofsim::renderer::Renderer;
+use _dofsim::simd::Simd;
 use arbitrary::{Result, Unstructured};
 use libfuzzer_sys::{Corpus, fuzz_target};
 use std::sync::Arc;
