@@ -3,10 +3,12 @@
 import contextlib
 import io as bytes_io
 import os
+import struct
 import subprocess
 import sys
 from pathlib import Path
 
+import h5py
 import numpy as np
 import OpenEXR
 import PIL.Image
@@ -236,19 +238,29 @@ def test_every_file_of_the_fuzzer_is_read_or_refused():
 )
 def test_wrong_bytes_are_read_or_refused_by_name_and_cheaply(tmp_path, kind):
     """In another process, for some libraries are not written for such files, and its memory is measured."""
-    command = [
-        sys.executable,
-        str(FUZZ / "parsers.py"),
-        kind,
-        str(tmp_path),
-        "--first",
-        "0",
-        "--cases",
-        "200",
-    ]
+    case = ["--first", "0", "--cases", "100"]
+    command = [sys.executable, str(FUZZ / "parsers.py"), kind, str(tmp_path), *case]
     run = subprocess.run(command, capture_output=True, text=True, check=False, timeout=HANG_S)
     assert run.returncode == 0, run.stderr[-3000:]
     assert run.stdout.startswith(f"{kind}: 100 cases")
+
+
+def test_a_chunk_that_is_shorter_than_its_checksum(tmp_path):
+    """In another process, for the library reads beyond it."""
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("depth", data=np.ones((4, 4), "f4"), chunks=(4, 4), fletcher32=True)
+    # An entry of the index: the length of the chunk, which filters it skips, and its place.
+    entry = struct.Struct("<II3Q")
+    path.write_bytes(path.read_bytes().replace(entry.pack(4 * 16 + 4, 0, 0, 0, 0), entry.pack(2, 0, 0, 0, 0)))
+    command = [
+        sys.executable,
+        "-c",
+        "import sys; from dofsim import io; io.read_depth(sys.argv[1])",
+        str(path),
+    ]
+    run = subprocess.run(command, capture_output=True, text=True, check=False, timeout=HANG_S)
+    assert "a.h5: damaged file: a chunk is shorter than its checksum" in run.stderr, run
 
 
 def test_exr_that_stores_one_block_twice_and_another_never(tmp_path):

@@ -165,15 +165,20 @@ def _parameters(
     """Read the parameters of a scene file; return what fills them into an element's value."""
     defaults: dict[str, str] = {}
 
-    def filled(element: ElementTree.Element) -> str:
-        value = element.get("value", "")
-        if "$" in value and defaults:
-            # The longest name comes first: $ab is not $a and a b.
-            names = sorted(defaults, key=len, reverse=True)
-            value = re.sub(rf"\$({'|'.join(map(re.escape, names))})", lambda found: defaults[found[1]], value)
+    def default_of(found: re.Match[str]) -> str:
+        # The longest name comes first: $ab is not $a and a b.
+        for end in range(len(found[1]), 0, -1):
+            if (value := defaults.get(found[1][:end])) is not None:
+                return value + found[1][end:]
+        return found[0]
+
+    def bounded(value: str) -> str:
         if len(value) > _LONGEST_VALUE:
             raise refused(f"a value is longer than {_LONGEST_VALUE} characters")
         return value
+
+    def filled(element: ElementTree.Element) -> str:
+        return bounded(re.sub(r"\$([^\s$]+)", default_of, bounded(element.get("value", ""))))
 
     for default in root.iter("default"):
         # Parameters may refer to those before them.

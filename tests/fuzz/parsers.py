@@ -183,7 +183,10 @@ def batch(path: Path) -> None:
 
 @dataclass(frozen=True)
 class Kind:
-    """How files of a kind are made and read, and the most that one of them may take."""
+    """How files of a kind are made and read, and the most memory that one of them may take.
+
+    They have some hundred bytes, which inflate to less than a mebibyte; the rest is what is loaded.
+    """
 
     suffix: str
     seeds: Callable[[Path], list[bytes]]
