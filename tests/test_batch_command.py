@@ -210,6 +210,7 @@ def test_a_manifest_has_a_lens_for_each_frame(few, kind):
         ("a.csv", b"color\n\xff\n", "not a text file"),
         ("a.jsonl", '{"color": "a.png"}\n{"color"\n', r"a\.jsonl, line 2: "),
         ("a.jsonl", "[]\n", "line 1: expected an object"),
+        ("a.jsonl", "[" * 100_000, "line 1: it is nested too deeply"),
         ("a.jsonl", '{"color": 3}\n', "line 1: "),
         ("a.jsonl", b"\xff\n", "not a text file"),
         ("a.txt", "", "a manifest is a .csv or a .jsonl file"),
