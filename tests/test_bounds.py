@@ -142,7 +142,8 @@ def test_layers_within_the_range_hide_each_other_as_before():
     layers[2, ..., 3] = 1.0
     layers[..., :3] *= layers[..., 3:]
     depths = np.stack([np.full((40, 50), z) for z in (2.0, 2.2, 2.4)])
-    out = dofsim.render(layers, depths, LENS, in_focus=(1.9, 2.5), device="cpu")
+    wide = LENS.replace(aperture_radius=0.6)
+    out = dofsim.render(layers, depths, wide, in_focus=(1.9, 2.5), device="cpu")
     seen = layers[2]
     for layer in layers[1::-1]:
         seen = layer + (1 - layer[..., 3:]) * seen

@@ -42,6 +42,7 @@ use pyo3::prelude::*;
 /// array([[-0.1 ,  0.  ,  0.1 ,  0.05]], dtype=float32)
 #[pyfunction]
 #[pyo3(signature = (depth, lens, *, depth_kind="z", near=None, far=None, invalid="raise", in_focus=None, max_coc_px=None))]
+#[expect(clippy::too_many_arguments, reason = "the public function's own, keyword-only in Python")]
 pub fn coc<'py>(
     py: Python<'py>,
     depth: &Bound<'py, PyAny>,

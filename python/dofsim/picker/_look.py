@@ -64,7 +64,9 @@ class Look:
         scene = dofsim.Scene(
             color, depth, alpha=alpha, device=device, invalid_color=invalid_color, **depth_words
         )
-        return cls(scene, _flat(color), _seen(color, depth), reduced, depth_words)
+        # Where the scene has filled a pixel, there was nothing to be seen.
+        given = np.where(np.isfinite(color), color, 0.0) if scene.filled_pixels else color
+        return cls(scene, _flat(given), _seen(given, depth), reduced, depth_words)
 
     def _lens(self, lens: dofsim.Lens) -> dofsim.Lens:
         """Give the lens for pixels of this size: only strengths are counted in them."""

@@ -105,8 +105,8 @@ type Triple = (f64, f64, f64);
 impl PyLens {
     #[new]
     #[pyo3(signature = (*, aperture_radius, focus_distance=None, fov, fov_axis="x", in_focus=None,
-        tilt=(0.0, 0.0), field_curvature=0.0, axial_color=(0.0, 0.0, 0.0), lateral_color=(0.0, 0.0, 0.0), cat_eye=0.0, vignetting="none",
-        principal_point=(0.0, 0.0), sensor_mm=None, breathing_focal_length_mm=None))]
+        tilt=(0.0, 0.0), field_curvature=0.0, axial_color=(0.0, 0.0, 0.0), lateral_color=(0.0, 0.0, 0.0),
+        cat_eye=0.0, vignetting="none", principal_point=(0.0, 0.0), sensor_mm=None, breathing_focal_length_mm=None))]
     #[expect(clippy::too_many_arguments, reason = "the public constructor's own, keyword-only in Python")]
     fn new(
         #[pyo3(from_py_with = argument::aperture_radius)] aperture_radius: f64,
