@@ -168,13 +168,13 @@ def batch_command(
         **depth_words,
         "transfer": _options.one_of("--transfer", render_options.transfer, io.TRANSFERS),
         "alpha": _options.one_of("--alpha", render_options.alpha, io.ALPHAS),
-        "invalid_color": _options.one_of("--invalid-color", render_options.invalid_color, io.INVALID_COLORS),
     }
     rendering = {
         "method": render_options.method,
         "device": render_options.device,
         **kind,
         "invalid": depth_options.invalid,
+        "invalid_color": render_options.invalid_color,
         "overscan": render_options.overscan,
         "supersample": render_options.supersample,
         **render_options.method_words(opening),
@@ -189,7 +189,7 @@ def batch_command(
             color=row.color,
             depth=row.depth,
             output=output / f"{row.name}{suffix}",
-            lens=words | drawn | row.lens,
+            lens=_options.merged(words | drawn, row.lens),
             focus_at=focus,
             seed=random.getrandbits(63) if focus == "random" else 0,
             reading=reading,
@@ -227,7 +227,7 @@ def _rows(color: str | None, depth: str | None, manifest: Path | None, output: P
 
 
 def _has_focus(words: dict[str, Any]) -> bool:
-    return _options.focus_word(words) in words
+    return not set(_options.FOCUS_WORDS).isdisjoint(words)
 
 
 def _check_paths(frames: list[Frame], output: Path, lists: list[Path], searched: list[str]) -> None:
