@@ -33,8 +33,8 @@ help:
 	@echo "make test     check everything, in $(WORK); with EXTRAS='docs torch' documentation and PyTorch, too"
 	@echo 'make docs     build the documentation into build/docs/html/'
 	@echo 'make properties  try the laws with CASES=2000 inputs each'
-	@echo 'make soak     render 2000 pictures and more, from many threads, and see what is left of them'
-	@echo 'make fuzz     try any bytes as files and as renders, SECONDS=60 each, under AddressSanitizer; with nightly Rust'
+	@echo 'make soak     render 2000 pictures and more, from many threads, and see what is left of them; kill 20 batches'
+	@echo 'make fuzz     try any bytes as files and as renders, SECONDS=60 each, in part under AddressSanitizer'
 	@echo 'make deny     check licences, sources and known faults of what dofsim is built from'
 	@echo 'make bench    speed and memory, as tables and in build/bench.json'
 	@echo 'make clean    remove what these made, but not the ray traced scenes in build/'
@@ -97,19 +97,28 @@ CASES ?= 2000
 properties: $(WORK)/.installed
 	DOFSIM_CASES=$(CASES) $(WORK)/bin/python -m pytest -q tests/properties
 
-# How many renders leave nothing behind.
+# How many renders leave nothing behind; how often batches are killed, and how many are run in pairs.
 RENDERS ?= 2000
+KILLS ?= 20
+PAIRS ?= 5
 
 soak: $(WORK)/.installed
 	DOFSIM_RENDERS=$(RENDERS) $(WORK)/bin/python -m pytest -q -s tests/test_load.py -k 'threads or left'
+	DOFSIM_KILLS=$(KILLS) DOFSIM_PAIRS=$(PAIRS) $(WORK)/bin/python -m pytest -q -s tests/test_batch_killed.py
 
-# How long each target is fuzzed; what is found goes to build/fuzz/. Needs `cargo install cargo-fuzz`.
+# How long each target is fuzzed; what is found goes to build/fuzz/ and tests/fuzz/artifacts/. Needs
+# `cargo install cargo-fuzz` and a nightly Rust; without that: RUSTC_BOOTSTRAP=1 make fuzz FUZZ='cargo fuzz'
 SECONDS ?= 60
-FUZZ = cargo +nightly fuzz
-FUZZED := raster exr render
+FUZZ ?= cargo +nightly fuzz
+FUZZED := raster jpeg profile exr render
+# What is parsed in Python, and by libraries of others.
+PARSED := npy npz deep hdf5 dpt mitsuba blender toml csv jsonl
 
-fuzz:
+fuzz: $(WORK)/.installed
 	mkdir -p $(FUZZED:%=build/fuzz/%)
+	for kind in $(PARSED); do \
+		$(WORK)/bin/python tests/fuzz/parsers.py $$kind build/fuzz/$$kind --seconds $(SECONDS) || exit 1; \
+	done
 	$(FUZZ) build --fuzz-dir tests/fuzz -O --target-dir target/fuzz
 	for target in $(FUZZED); do \
 		$(FUZZ) run --fuzz-dir tests/fuzz -O --target-dir target/fuzz $$target build/fuzz/$$target \

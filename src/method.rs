@@ -76,6 +76,11 @@ impl Method {
                 ));
             }
         }
+        if let (Some(option), Some(_)) = (metric_option, lens.in_focus) {
+            return Err(value_error!(
+                "{option} is measured from a plane in focus, and the lens has a range, in_focus; only one may be given"
+            ));
+        }
         if let (Some(option), Base::Relative { .. }) = (metric_option, lens.base) {
             return Err(value_error!(
                 "{option} is in metres, but the lens was made by Lens.from_disparity, which knows of none"

@@ -93,14 +93,14 @@ impl Picture {
         Picture { size: Size { channels: channels.len(), ..self.size }, layers: layers.collect() }
     }
 
-    /// The same picture with `offset(x, y)` subtracted from its disparity.
-    pub fn less(&self, offset: impl Fn(f64, f64) -> f64 + Sync) -> Picture {
+    /// The same picture with the disparity `map(x, y, d)` in place of every disparity `d`.
+    pub fn with_disparity(&self, map: impl Fn(f64, f64, f64) -> f64 + Sync) -> Picture {
         let width = self.size.width;
         let layers = self.layers.iter().map(|layer| {
             let mut disparity = layer.disparity.clone();
             disparity.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
                 for (x, d) in row.iter_mut().enumerate() {
-                    *d = (f64::from(*d) - offset(x as f64, y as f64)) as f32;
+                    *d = map(x as f64, y as f64, f64::from(*d)) as f32;
                 }
             });
             Layer::new(Arc::clone(&layer.color), disparity)

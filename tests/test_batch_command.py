@@ -210,6 +210,7 @@ def test_a_manifest_has_a_lens_for_each_frame(few, kind):
         ("a.csv", b"color\n\xff\n", "not a text file"),
         ("a.jsonl", '{"color": "a.png"}\n{"color"\n', r"a\.jsonl, line 2: "),
         ("a.jsonl", "[]\n", "line 1: expected an object"),
+        ("a.jsonl", "[" * 100_000, "line 1: it is nested too deeply"),
         ("a.jsonl", '{"color": 3}\n', "line 1: "),
         ("a.jsonl", b"\xff\n", "not a text file"),
         ("a.txt", "", "a manifest is a .csv or a .jsonl file"),
@@ -356,14 +357,17 @@ def test_ctrl_c_ends_cleanly_and_the_next_run_resumes(data, capsys, workers):
     assert f"{47 - done} written, {done} there already, 3 failed" in capsys.readouterr().out
 
 
-# A frame whose picture is to end whoever reads it, as one does that takes more memory than there is.
+# A frame whose picture is to end whoever reads it, as one does that takes more memory than there is, while
+# another file is being written.
 DEADLY = """
 import os
+from pathlib import Path
 from dofsim import io
 from dofsim.cli import main
 
 def read_rgbd(color, *arguments, **words):
     if color.name == "0001.exr":
+        Path(f"out/.0002.exr.{os.getpid()}-9.part").touch()
         os._exit(1)
     return read(color, *arguments, **words)
 
@@ -388,6 +392,7 @@ def test_a_frame_that_kills_its_worker_is_one_failure(few):
         (failure,) = map(json.loads, Path("out/failures.jsonl").read_text().splitlines())
         assert failure["color"] == str(Path("rgb/0001.exr"))
         assert failure["error"].startswith("the process that computed it was killed")
+        assert not list(Path("out").glob(".*"))
     assert batch(*arguments) == 0
 
 
@@ -472,10 +477,63 @@ def test_one_bad_pixel_does_not_cost_a_frame(few, capsys):
     io.write_image("rgb/0001.exr", rgbd)
     arguments = ["rgb", "depth", "-o", "out", *LENS_OPTIONS]
     assert batch(*arguments) == 1
-    assert "1 values in channel 1 that are not finite (--invalid-color neighbours)" in capsys.readouterr().err
-    assert batch(*arguments, "--invalid-color", "neighbours") == 0
+    said = capsys.readouterr().err
+    assert "out/0001.exr: color has 1 pixel that is not finite" in said
+    assert "row 5, column 6. Pass --invalid-color fill" in said
+    assert batch(*arguments, "--invalid-color", "fill") == 0
+    assert capsys.readouterr().err.startswith("dofsim: color has 1 pixel that is not finite")
+    assert json.loads(Path("out/0001.exr.json").read_text())["filled_pixels"] == 1
+    assert "filled_pixels" not in json.loads(Path("out/0002.exr.json").read_text())
     assert batch(*arguments, "--invalid-color", "black") == 2
-    assert "--invalid-color takes keep, neighbours; got 'black'" in capsys.readouterr().err
+    assert '--invalid-color must be one of "raise", "fill"; got "black"' in capsys.readouterr().err
+
+
+def test_one_absurd_depth_does_not_cost_a_frame(few, capsys):
+    depth = io.read_depth("depth/0001_depth.pfm")
+    depth[5, 6] = 1e-6
+    io.write_depth("depth/0001_depth.pfm", depth)
+    arguments = ["rgb", "depth", "-o", "out", *LENS_OPTIONS]
+    assert batch(*arguments) == 1
+    said = capsys.readouterr().err
+    assert "out/0001.exr: depth has 1 of " in said
+    assert "row 5, column 6. Pass --max-coc-px to bound the radius" in said
+    assert batch(*arguments, "--max-coc-px", "30", "--outputs", "picture,coc") == 0
+    assert np.abs(io.read_exr("out/0001.coc.exr")["coc"]).max() <= 30.0
+    assert batch(*arguments, "--max-coc-px", "-1") == 2
+    assert "--max-coc-px must be a radius in pixels" in capsys.readouterr().err
+    assert batch(*arguments, "--max-coc-px", "3", "--set", "max_coc_px=3") == 2
+    assert "--max-coc-px is given twice" in capsys.readouterr().err
+
+
+def test_a_range_in_focus_comes_from_the_command_line_a_file_or_a_row(few, capsys):
+    words = {name: value for name, value in LENS.items() if name != "focus_distance"}
+    ranged = dofsim.Lens(**words, in_focus=(1.5, np.inf))
+    rgbd = io.read_rgbd("rgb/0001.exr", "depth/0001_depth.pfm")
+    wanted = dofsim.render(*rgbd, ranged)
+    stated = [f"--{name.replace('_', '-')}={value}" for name, value in words.items()]
+    arguments = ["rgb", "depth", *stated]
+    assert batch(*arguments, "-o", "one", "--in-focus=1.5,inf", "--outputs", "picture,coc") == 0
+    np.testing.assert_array_equal(io.read_color("one/0001.exr").pixels, wanted)
+    np.testing.assert_array_equal(io.read_exr("one/0001.coc.exr")["coc"], dofsim.coc(rgbd.depth, ranged))
+    # A focus on the command line goes before that of the file, and that of a row before both.
+    lines = [f"{name} = {value}" for name, value in words.items()]
+    Path("lens.toml").write_text("\n".join([*lines, "in_focus = [1.5, inf]"]))
+    assert batch("rgb", "depth", "-o", "two", "--lens", "lens.toml") == 0
+    np.testing.assert_array_equal(io.read_color("two/0001.exr").pixels, wanted)
+    row = {"color": "rgb/0001.exr", "depth": "depth/0001_depth.pfm"}
+    rows = [{**row, "output": "a", "in_focus": [1.5, 1e9]}, {**row, "output": "b"}]
+    Path("rows.jsonl").write_text("\n".join(map(json.dumps, rows)))
+    from_rows = ["--manifest", "rows.jsonl", "-o", "three", "--lens", "lens.toml"]
+    assert batch(*from_rows, "--focus-distance", "2") == 0
+    np.testing.assert_allclose(io.read_color("three/a.exr").pixels, wanted, atol=1e-4)
+    plane = dofsim.render(*rgbd, dofsim.Lens(**words, focus_distance=2.0))
+    np.testing.assert_array_equal(io.read_color("three/b.exr").pixels, plane)
+    capsys.readouterr()
+    for value, text in (("2", "NEAR,FAR; got '2'"), ("3,2", "--in-focus must be two distances in metres")):
+        assert batch(*arguments, "-o", "four", "--in-focus", value) == 2
+        assert text in capsys.readouterr().err
+    assert batch(*arguments, "-o", "four", "--focus-distance=2", "--in-focus=2,3") == 2
+    assert "--focus-distance and --in-focus exclude each other" in capsys.readouterr().err
 
 
 def test_the_picture_of_an_opening_is_not_overwritten(few, capsys):

@@ -2,6 +2,7 @@
 
 import json
 import pickle
+import time
 
 import dofsim
 import numpy as np
@@ -110,9 +111,11 @@ def test_mitsubas_scene_files(tmp_path):
         (XML.replace('<default name="radius" value="0.04"/>', ""), r"\$radius has no default"),
         ('<scene version="3.0.0"/>', "one sensor is needed; there are 0"),
         ("no XML", "no XML file"),
+        (XML.replace("focus_distance", "distance"), 'the thinlens sensor has no "focus_distance"'),
+        (XML.replace('value="0.04"', 'value="-1"'), "aperture_radius must be"),
     ]:
         path.write_text(text)
-        with pytest.raises(ValueError, match=match):
+        with pytest.raises(ValueError, match=rf"scene\.xml: (the parameter )?{match}"):
             dofsim.Lens.from_mitsuba(path)
     with pytest.raises(FileNotFoundError):
         dofsim.Lens.from_mitsuba(tmp_path / "missing.xml")
@@ -131,10 +134,23 @@ def test_mitsubas_parameters_are_filled_in_by_their_whole_names(tmp_path):
     assert dofsim.Lens.from_mitsuba(path).aperture_radius == 0.08
     path = scene_file(tmp_path / "scene.xml", "$radius", small="0.5", radius="$small")
     assert dofsim.Lens.from_mitsuba(path).aperture_radius == 0.5
+    path = scene_file(tmp_path / "scene.xml", "$early$early", later="1")
+    with pytest.raises(ValueError, match=r"the parameter \$early has no default"):
+        dofsim.Lens.from_mitsuba(path)
     doubled = {f"a{i}": 2 * f"$a{i - 1}" for i in range(1, 41)}
     path = scene_file(tmp_path / "scene.xml", "$a40", a0="9", **doubled)
     with pytest.raises(ValueError, match="a value is longer than 4096 characters"):
         dofsim.Lens.from_mitsuba(path)
+
+
+def test_a_scene_file_of_many_parameters_takes_time_by_its_length(tmp_path):
+    # The last one is what the first one is.
+    chain = {f"p{i}": f"$p{i - 1}" for i in range(1, 2000)}
+    path = scene_file(tmp_path / "scene.xml", "$p1999", p0="0.08", **chain)
+    start = time.process_time()
+    assert dofsim.Lens.from_mitsuba(path).aperture_radius == 0.08
+    # Some hundredths of a second; it was half a minute when all names were looked for in each value.
+    assert time.process_time() - start < 5
 
 
 @pytest.mark.parametrize(
@@ -217,6 +233,17 @@ def test_blenders_cameras(tmp_path):
     assert lens.sensor_mm == 36.0
     assert (aperture.blades, aperture.ratio) == (5, 0.5)
     assert aperture.rotation == pytest.approx(np.degrees(0.2) + 36.0)
+    for text, match in [
+        ("[1]", "camera must be a"),
+        ("{}", "the camera has no"),
+        ('{"lens": "x"}', "lens must"),
+    ]:
+        path.write_text(text)
+        with pytest.raises(ValueError, match=rf"camera\.json: {match}"):
+            dofsim.Lens.from_blender(path)
+    path.write_text('{"aperture_blades": 1e9}')
+    with pytest.raises(ValueError, match=r"camera\.json: blades must be"):
+        dofsim.Aperture.from_blender(path)
     with pytest.raises(ValueError, match="shift_x must be 0"):
         dofsim.Lens.from_blender({**words, "shift_x": 0.1})
     with pytest.raises(TypeError, match="camera must be a dictionary or the path"):

@@ -154,6 +154,7 @@ def test_render_passes_every_option_on(scene, monkeypatch):
         "--method": "lens", "--device": "cpu", "--blades": "6", "--rotation": "15", "--near": "0.5",
         "--far": "20", "--depth-kind": "distance", "--invalid": "far", "--overscan": "2",
         "--supersample": "4", "--threads": "3", "--depth-scale": "2", "--set": "views=128",
+        "--max-coc-px": "90", "--invalid-color": "fill",
     }  # fmt: skip
     flags = [word for pair in extra.items() for word in pair]
     assert run(["render", "a.exr", "-o", "o.exr", *LENS_OPTIONS, "--fov-axis", "y", *flags]) == 0
@@ -165,7 +166,20 @@ def test_render_passes_every_option_on(scene, monkeypatch):
         "method": "lens", "device": "cpu", "aperture": dofsim.Aperture(blades=6, rotation=15.0),
         "depth_kind": "distance", "near": 0.5, "far": 20.0, "invalid": "far", "alpha": "none",
         "transfer": "linear", "overscan": 2, "supersample": 4, "threads": 3, "views": 128,
+        "max_coc_px": 90.0, "invalid_color": "fill",
     }  # fmt: skip
+
+
+def test_coc_takes_a_range_in_focus_and_a_bound(scene, capsys):
+    _, depth = scene
+    words = [
+        f"--{name.replace('_', '-')}={value}" for name, value in LENS.items() if name != "focus_distance"
+    ]
+    arguments = ["z.pfm", "-o", "coc.exr", *words, "--in-focus", "2,inf", "--max-coc-px", "0.4"]
+    assert run(["coc", *arguments]) == 0
+    lens = dofsim.Lens(**LENS).replace(in_focus=(2.0, np.inf))
+    np.testing.assert_array_equal(io.read_exr("coc.exr")["coc"], dofsim.coc(depth, lens, max_coc_px=0.4))
+    assert "radius from" in capsys.readouterr().out
 
 
 def test_options_of_a_method_are_toml_or_words(scene):
@@ -242,6 +256,11 @@ def test_ambiguous_files_list_their_channels(scene, capsys):
         (["a.exr", "-o", "o.exr", "--depth-scale", "0"], 2, "--depth-scale must be finite and not 0"),
         (["a.exr", "-o", "o.exr", "--depth-scale", "-1"], 2, "negate them (--depth-scale -1)"),
         (["a.exr", "-o", "o.exr", "--lens", "deep.toml"], 2, "deep.toml: not a TOML file: it is nested too"),
+        (
+            ["a.exr", "-o", "o.exr", "--lens", "odd.toml"],
+            2,
+            "odd.toml: an aperture has no wings; it has",
+        ),
         (["a.exr", "-o", "o.exr", "--set", f"views={'[' * 9999}"], 2, "views must be a whole number"),
         (["a.exr", "-o", "iris.png", "--lens", "iris.toml"], 2, "iris.png: is one of the inputs"),
         (["a.exr", "-o", "o.exr", "--supersample", "7"], 2, "supersample"),
@@ -261,6 +280,7 @@ def test_ambiguous_files_list_their_channels(scene, capsys):
 )
 def test_what_render_refuses(scene, tmp_path, capsys, arguments, status, message):
     (tmp_path / "deep.toml").write_text("a = " + "[" * 100_000)
+    (tmp_path / "odd.toml").write_text("[aperture]\nwings = 3\n")
     (tmp_path / "iris.toml").write_text('[aperture]\nimage = "iris.png"\n')
     io.write_image("iris.png", np.ones((5, 5)))
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}

@@ -147,3 +147,17 @@ def test_highlights_by_the_thousand_are_all_drawn(gpu):
     color[0, 8:] = 0.0
     on_gpu, on_cpu = (render(color, disparity, device, strength_px=3.0) for device in (gpu, "cpu"))
     assert_agree(on_gpu, on_cpu, "lens")
+
+
+@pytest.mark.parametrize("method", ["lens", "gaussian"])
+def test_fields_of_packed_records_are_read_in_order(gpu, method):
+    color, disparity = surfaces()
+    records = np.zeros(disparity.shape, [("label", "u1"), ("color", "f4", 3), ("depth", "f4")])
+    records["color"], records["depth"] = color, disparity
+    expected = render(color, disparity, gpu, method=method)
+    for turned in (slice(None), slice(None, None, -1)):
+        given = (records[name][turned][turned] for name in ("color", "depth"))
+        np.testing.assert_array_equal(render(*given, gpu, method=method), expected)
+    unaligned = np.zeros(color.nbytes + 1, np.uint8)[1:].view(np.float32).reshape(color.shape)
+    with pytest.raises(ValueError, match="out must be C-contiguous and aligned"):
+        render(color, disparity, gpu, method=method, out=unaligned)

@@ -469,34 +469,6 @@ def test_depth_round_trips_in_full(tmp_path, rng, suffix):
     np.testing.assert_array_equal(io.read_depth(path), depth)
 
 
-@pytest.mark.parametrize("layered", [False, True])
-def test_colour_that_is_no_number_is_that_of_its_neighbours(tmp_path, layered):
-    y, x = np.mgrid[:9, :11]
-    color = np.stack([y + 0.0, x, y + x, np.ones_like(x)], -1).astype(np.float32)
-    bad = color.copy()
-    bad[3:6, 4:7, 1], bad[0, 0], bad[8, 2, 3] = np.nan, np.inf, -np.inf
-    depth = np.ones(color.shape[:2])
-    if layered:
-        path = tmp_path / "a.npz"
-        np.savez(path, color=np.stack([bad, color]), depth=np.stack([depth, depth]))
-    else:
-        path = tmp_path / "a.exr"
-        io.write_image(path, bad, depth=depth)
-    kept = io.read_rgbd(path).color
-    filled = io.read_rgbd(path, invalid_color="neighbours").color
-    first = filled[0] if layered else filled
-    assert np.isnan(kept).any()
-    # At the rim of the patch it is the mean of what lies outside, about a pixel away; in the middle, of the
-    # rim.
-    np.testing.assert_allclose(first[3:6, 4:7], color[3:6, 4:7], atol=1.01)
-    np.testing.assert_allclose(first[4, 5], color[4, 5], atol=0.2)
-    np.testing.assert_array_equal(first[0, 0], color[[0, 1, 1], [1, 0, 1]].mean(axis=0))
-    good = np.isfinite(bad).all(axis=-1)
-    np.testing.assert_array_equal(first[good], color[good])
-    with pytest.raises(ValueError, match="invalid_color must be one of keep, neighbours; got 'black'"):
-        io.read_rgbd(path, invalid_color="black")
-
-
 def test_picture_and_depth_in_two_files_must_agree(tmp_path):
     io.write_image(tmp_path / "a.png", np.arange(72, dtype=np.uint8).reshape(4, 6, 3))
     io.write_depth(tmp_path / "z.pfm", np.ones((4, 6)))

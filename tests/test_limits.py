@@ -33,7 +33,7 @@ def render_if_it_is(color, depth, lens, method):
     try:
         return render(color, depth, lens, method=method)
     except ValueError as error:
-        if method != "lens" or "the largest circle of confusion would have" not in str(error):
+        if method != "lens" or "their circles of confusion would have" not in str(error):
             raise
         return None
 

@@ -19,12 +19,12 @@ METHODS = {
 # What each method can be asked for, as its errors list it.
 OPTIONS = {
     "lens": "views",
-    "poisson": "bokeh, taps, max_coc_px, leak_test",
-    "gaussian": "focal_range, max_coc_px",
-    "hexagonal": "max_coc_px",
+    "poisson": "bokeh, taps, leak_test",
+    "gaussian": "focal_range",
+    "hexagonal": "none of its own",
     "levels": "c0_px",
     "taps": "variant, hyperfocal_factor",
-    "sprites": "sprite, coc_threshold_px, max_coc_px",
+    "sprites": "sprite, coc_threshold_px",
 }
 
 HEIGHT, WIDTH = 70, 150
@@ -185,7 +185,8 @@ def test_options_of_others_are_refused_by_name(method, color, depth):
 
 @pytest.mark.parametrize("method", OPTIONS)
 def test_none_is_an_option_not_given(method, color, depth):
-    empty = dict.fromkeys(OPTIONS[method].split(", "))
+    own = [] if method == "hexagonal" else OPTIONS[method].split(", ")
+    empty = dict.fromkeys([*own, "max_coc_px", "in_focus"])
     lens = dofsim.Lens.from_disparity(strength_px=STRENGTH_PX, focus=0.0)
     out = dofsim.render(color, depth, lens, depth_kind="disparity", method=method, **empty)
     np.testing.assert_array_equal(

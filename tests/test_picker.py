@@ -65,6 +65,30 @@ def test_the_frame_is_the_picture_through_the_lens(picker, scene):
     assert frame["full"]
 
 
+def test_a_range_in_focus_stays_until_a_click_and_the_blur_is_bounded(scene):
+    lens = LENS.replace(in_focus=(1.0, 2.0))
+    picker = dofsim.FocusPicker(*scene, lens, max_coc_px=9.0)
+    frame = ask(picker, exposure=0.0)
+    expected = dofsim.render(*scene, lens, max_coc_px=9.0)
+    np.testing.assert_array_equal(pixels(frame["picture"]), codes(expected))
+    assert frame["readout"].startswith("focused at 1 m to 2 m")
+    frame = ask(picker, focus=list(FAR))
+    assert picker.lens == LENS.focused_at(scene[1], *FAR)
+    expected = dofsim.render(*scene, picker.lens, max_coc_px=9.0)
+    np.testing.assert_array_equal(pixels(frame["picture"]), codes(expected))
+
+
+def test_a_bad_pixel_is_filled_if_that_was_said(scene):
+    color, depth = scene
+    color = color.copy()
+    color[40, 50] = np.nan
+    with pytest.warns(UserWarning, match="color has 1 pixel "):
+        picker = dofsim.FocusPicker(color, depth, LENS, invalid_color="fill")
+    with pytest.warns(UserWarning, match="color has 1 pixel "):
+        frame = ask(picker, focus=list(FAR))
+    assert pixels(frame["pinhole"])[40, 50].tolist() == [0, 0, 0]
+
+
 def test_dragging_shows_a_reduced_picture(picker):
     frame = ask(picker, focus=list(NEAR), dragging=True)
     picture = pixels(frame["picture"])

@@ -52,6 +52,15 @@ def test_the_focus_is_a_random_pixel(sample):
     assert len(sharp) > 5
 
 
+def test_a_range_in_focus_stays_and_the_opening_is_drawn(sample):
+    transform = blur(depth_to="coc", max_coc_px=(4.0, 4.0), in_focus=(1.2, 1.4))
+    radius, depth = transform(sample)["depth"].numpy(), sample["depth"].numpy()
+    inside = (depth > 1.2) & (depth < 1.4)
+    assert (radius[inside] == 0.0).all()
+    assert np.abs(radius).max() == pytest.approx(4.0, abs=1e-4)
+    assert (np.sign(radius[~inside]) == np.sign(depth[~inside] - 1.3)).all()
+
+
 def test_closed_is_the_identity(sample):
     assert torch.equal(blur(max_coc_px=(0.0, 0.0))(sample)["image"], sample["image"])
 

@@ -59,6 +59,11 @@ def bracket(color: NDArray[np.float32], depth: NDArray[np.float64]) -> NDArray[n
     render((255 * color).astype(np.uint8), depth, lens, transfer="srgb")
     render(color, depth, lens, depth_kind="metres")  # type: ignore[call-overload]
     render(color, depth, lens, method="fast")  # type: ignore[call-overload]
+    render(color, depth, lens, in_focus=(2.0, 2.6), max_coc_px=200.0, invalid_color="fill")
+    render(color, depth, lens, in_focus=2.0)  # type: ignore[call-overload]
+    render(color, depth, lens, invalid_color="neighbours")  # type: ignore[call-overload]
+    coc(depth, lens.replace(in_focus=(2.0, 2.6)), max_coc_px=9.0)
+    Lens(aperture_radius=0.1, fov=40.0, in_focus=(2.0, float("inf")))
     render(color, depth, lens, method="taps", variant="six", hyperfocal_factor=0.3)
     render(color, depth, lens, method="poisson", taps=32, bokeh="ring", leak_test="off")
     render(color, depth, lens, method="poisson", taps=np.zeros((5, 2)), max_coc_px=20.0)
@@ -74,6 +79,7 @@ def bracket(color: NDArray[np.float32], depth: NDArray[np.float64]) -> NDArray[n
     scene = Scene(color, depth, device="cpu", supersample=2)
     assert_type(scene.render(lens, aperture=hexagon), NDArray[Any])
     scene.focal_stack(lens, [1.0, 2.0], views=128)
+    scene.focal_stack(lens, [1.0, (1.5, 2.0)], max_coc_px=30.0)
     for frame in focus_pull(scene, lens, [(0, 1.0), (24, 3.0)], easing="in", views=128):
         print(frame.shape, SENSORS["aps-c"])
     assert_type(scene.profile(lens, method="gaussian"), list[tuple[str, float]])

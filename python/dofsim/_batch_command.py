@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 import time
 from collections import Counter
@@ -27,9 +26,6 @@ _FRAMES = "Frames"
 _OUTPUTS = "Outputs"
 _RANDOM = "Random lenses"
 _FAILURES = "failures.jsonl"
-# As much of a name as is in that of an unfinished file, and how much less it may be where a character ends.
-_PART_BYTES = 200
-_LONGEST_CHARACTER = 4
 
 
 @options.with_groups
@@ -172,13 +168,13 @@ def batch_command(
         **depth_words,
         "transfer": _options.one_of("--transfer", render_options.transfer, io.TRANSFERS),
         "alpha": _options.one_of("--alpha", render_options.alpha, io.ALPHAS),
-        "invalid_color": _options.one_of("--invalid-color", render_options.invalid_color, io.INVALID_COLORS),
     }
     rendering = {
         "method": render_options.method,
         "device": render_options.device,
         **kind,
         "invalid": depth_options.invalid,
+        "invalid_color": render_options.invalid_color,
         "overscan": render_options.overscan,
         "supersample": render_options.supersample,
         **render_options.method_words(opening),
@@ -193,7 +189,7 @@ def batch_command(
             color=row.color,
             depth=row.depth,
             output=output / f"{row.name}{suffix}",
-            lens=words | drawn | row.lens,
+            lens=_options.merged(words | drawn, row.lens),
             focus_at=focus,
             seed=random.getrandbits(63) if focus == "random" else 0,
             reading=reading,
@@ -231,7 +227,7 @@ def _rows(color: str | None, depth: str | None, manifest: Path | None, output: P
 
 
 def _has_focus(words: dict[str, Any]) -> bool:
-    return _options.focus_word(words) in words
+    return not set(_options.FOCUS_WORDS).isdisjoint(words)
 
 
 def _check_paths(frames: list[Frame], output: Path, lists: list[Path], searched: list[str]) -> None:
@@ -279,32 +275,13 @@ def _check_options(frame: Frame) -> None:
     work.render(work.Loaded(frame=some_focus, fingerprint="", image=image, depth=depth))
 
 
-def _remove_parts(frames: list[Frame]) -> None:
-    """Remove the unfinished files that a killed run has left of these frames, none of a living process."""
-    from .batch.claim import is_alive
-
-    known = {path for frame in frames for path in (frame.record, *frame.files.values())}
-    for folder in {path.parent for path in known}:
-        names = [path.name for path in known if path.parent == folder]
-        for part in folder.glob(".*.part"):
-            match = re.fullmatch(r"\.(.+)\.(\d+)-\d+\.part", part.name)
-            if match and not is_alive(int(match[2])) and any(_begins(name, match[1]) for name in names):
-                part.unlink(missing_ok=True)
-
-
-def _begins(name: str, beginning: str) -> bool:
-    """Tell whether an unfinished file is one of this name, of which only so much may be in its own."""
-    return name == beginning or (
-        name.startswith(beginning) and len(beginning.encode()) > _PART_BYTES - _LONGEST_CHARACTER
-    )
-
-
 def _run(frames: list[Frame], output: Path, *, workers: int, dask: str | None, resume: bool) -> int:
     """Work through the frames and return the exit status."""
     from tqdm import tqdm
 
     from .batch import map_frames
     from .batch.claim import claimed
+    from .batch.unfinished import without_unfinished
 
     output.mkdir(parents=True, exist_ok=True)
     failures = output / _FAILURES
@@ -313,11 +290,11 @@ def _run(frames: list[Frame], output: Path, *, workers: int, dask: str | None, r
     with (
         # A run that did not come to its end may have been killed by a frame, which is then computed apart.
         claimed(output) as died,
+        without_unfinished(frames),
         _workers(workers, dask, apart=died) as found,
         # Only people are shown how it goes on, not files.
         tqdm(total=len(frames), unit="frame", disable=None) as progress,
     ):
-        _remove_parts(frames)
         for result in map_frames(
             [_with_threads(frame, found.threads_each) for frame in frames],
             executor=found.executor,

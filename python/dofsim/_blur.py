@@ -61,6 +61,15 @@ class Blur:
         return np.geomspace(centre / 6.0, centre * 12.0, count)
 
 
+def in_focus(lens: Lens) -> str:
+    """Write what a lens has in focus: a distance or a disparity, or the ends of a range."""
+    planes = [focus for focus in (lens.focus_distance, lens.focus) if focus is not None]
+    ends = lens.in_focus or planes
+    if lens.focus is None:
+        return " to ".join(metres(end) for end in ends)
+    return "disparity " + " to ".join(f"{end:.3g}" for end in ends)
+
+
 def metres(distance: float) -> str:
     """Write a distance to three digits."""
     if np.isinf(distance):

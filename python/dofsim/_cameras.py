@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from ._files import check_regular, open_regular, read_text
+from ._names import shortened
 
 # A parameter's value may name other parameters, so that a short hostile file could stand for gigabytes.
 _LONGEST_VALUE = 4096
@@ -150,11 +151,11 @@ def _scene_file(path: Any) -> dict[str, Any]:
         if child.tag not in ("float", "integer", "string"):
             continue
         name, value = child.get("name", ""), filled(child)
-        if "$" in value:
-            raise refused(f"the parameter ${value.partition('$')[2]} has no default")
+        if missing := re.search(r"\$\w*", value):
+            raise refused(f"the parameter {shortened(missing[0])} has no default")
         words[name] = value if child.tag == "string" else _parsed(value)
         if words[name] is None:
-            raise refused(f"{name} must be a number; got {_quoted(value)}")
+            raise refused(f"{shortened(name)} must be a number; got {_quoted(shortened(value))}")
     return words
 
 
@@ -164,15 +165,20 @@ def _parameters(
     """Read the parameters of a scene file; return what fills them into an element's value."""
     defaults: dict[str, str] = {}
 
-    def filled(element: ElementTree.Element) -> str:
-        value = element.get("value", "")
-        if "$" in value and defaults:
-            # The longest name comes first: $ab is not $a and a b.
-            names = sorted(defaults, key=len, reverse=True)
-            value = re.sub(rf"\$({'|'.join(map(re.escape, names))})", lambda found: defaults[found[1]], value)
+    def default_of(found: re.Match[str]) -> str:
+        # The longest name comes first: $ab is not $a and a b.
+        for end in range(len(found[1]), 0, -1):
+            if (value := defaults.get(found[1][:end])) is not None:
+                return value + found[1][end:]
+        return found[0]
+
+    def bounded(value: str) -> str:
         if len(value) > _LONGEST_VALUE:
             raise refused(f"a value is longer than {_LONGEST_VALUE} characters")
         return value
+
+    def filled(element: ElementTree.Element) -> str:
+        return bounded(re.sub(r"\$([^\s$]+)", default_of, bounded(element.get("value", ""))))
 
     for default in root.iter("default"):
         # Parameters may refer to those before them.
@@ -184,7 +190,8 @@ def _blender_words(camera: Any) -> dict[str, Any]:
     words = _json_file(camera) if _is_path(camera) else camera
     if not isinstance(words, dict):
         raise TypeError(
-            f"camera must be a dictionary or the path of a JSON file that holds one; got {words!r}"
+            "camera must be a dictionary or the path of a JSON file that holds one; got "
+            f"{shortened(repr(words))}"
         )
     return words
 
@@ -221,7 +228,7 @@ def _number(words: dict[str, Any], *names: str) -> float | None:
                     return float(value)
             except (TypeError, ValueError, OverflowError):
                 pass
-            raise TypeError(f"{name} must be a number; got {value!r}")
+            raise TypeError(f"{name} must be a number; got {shortened(repr(value))}")
     return None
 
 

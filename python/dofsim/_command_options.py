@@ -31,6 +31,15 @@ FocusAt = Annotated[
         metavar="X,Y", help="Focus on what this pixel of the depth map sees.", rich_help_panel="Lens"
     ),
 ]
+InFocus = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NEAR,FAR",
+        help="Keep a range in focus in place of a plane: its ends in metres, the farther may be inf; "
+        "disparities of a relative lens.",
+        rich_help_panel="Lens",
+    ),
+]
 Fov = Annotated[float | None, typer.Option(help="Field of view in degrees.", rich_help_panel="Lens")]
 FovAxis = Annotated[
     str | None,
@@ -121,9 +130,12 @@ Alpha = Annotated[
 InvalidColor = Annotated[
     str,
     typer.Option(
-        help="What to do with pixels whose colour is NaN or infinite: keep (they are then an error) or "
-        "neighbours (the mean of those around them)."
+        help="What to do with pixels whose colour is NaN or infinite: raise or fill (with the mean of those "
+        "around them)."
     ),
+]
+MaxCoc = Annotated[
+    float | None, typer.Option("--max-coc-px", help="Largest radius of the circle of confusion in pixels.")
 ]
 Method = Annotated[str, typer.Option(help="How to compute.")]
 Device = Annotated[
@@ -154,6 +166,7 @@ class LensOptions:
     aperture_radius: ApertureRadius = None
     focus_distance: FocusDistance = None
     focus_at: FocusAt = None
+    in_focus: InFocus = None
     fov: Fov = None
     fov_axis: FovAxis = None
     focal_length_mm: FocalLength = None
@@ -164,7 +177,8 @@ class LensOptions:
     @property
     def words(self) -> dict[str, Any]:
         """The words of the lens, None where they are not given."""
-        return {name: value for name, value in vars(self).items() if name not in ("focus_at", "lens_file")}
+        words = {name: value for name, value in vars(self).items() if name not in ("focus_at", "lens_file")}
+        return {**words, "in_focus": None if self.in_focus is None else _options.read_range(self.in_focus)}
 
     def read(self, depth: Any, aperture: ApertureOptions | None = None, **kind: Any) -> tuple[Any, Any]:
         """Read the words of the lens, focused on a pixel of the depth if one is named, and of the aperture.
@@ -228,7 +242,8 @@ class RenderOptions:
     layer: Layer = None
     transfer: Transfer = None
     alpha: Alpha = None
-    invalid_color: InvalidColor = "keep"
+    invalid_color: InvalidColor = "raise"
+    max_coc_px: MaxCoc = None
     method: Method = "lens"
     method_options: MethodOptions = None
     device: Device = "auto"
@@ -238,10 +253,15 @@ class RenderOptions:
 
     def method_words(self, opening: dict[str, Any]) -> dict[str, Any]:
         """Give the method and its options, with the aperture of these words."""
+        chosen = _options.read_method_options(self.method_options or [])
+        if self.max_coc_px is not None:
+            if "max_coc_px" in chosen:
+                raise ValueError("--max-coc-px is given twice: as an option and as --set max_coc_px")
+            chosen["max_coc_px"] = self.max_coc_px
         return {
             "method": self.method,
             "threads": self.threads,
-            **_options.read_method_options(self.method_options or []),
+            **chosen,
             **({"aperture": dofsim.Aperture(**opening)} if opening else {}),
         }
 
@@ -321,7 +341,8 @@ _OPTIONS = {
 }
 _OPTIONS["scale"] = "--depth-scale"
 _SAID = {
-    "are not finite (or too large for float32)": "are not finite (--invalid-color neighbours)",
+    'Pass invalid_color="fill"': "Pass --invalid-color fill",
+    "Pass max_coc_px": "Pass --max-coc-px",
     "negate them": "negate them (--depth-scale -1)",
     'pass invalid="far"': "pass --invalid far",
     "near and far are for depth_kind": "--near and --far are for depth_kind",

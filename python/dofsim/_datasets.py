@@ -131,13 +131,16 @@ def _check_chunks(path: StrPath, dataset: Any) -> None:
     filters = [properties.get_filter(index)[0] for index in range(properties.get_nfilters())]
     if filters.count(_DEFLATE) > 1:
         raise ValueError(f"{path}: damaged file: its chunks are deflated more than once")
+    chunks = [dataset.id.get_chunk_info(index) for index in range(dataset.id.get_num_chunks())]
+    # The library takes the length of a checksum from that of its chunk, whatever that is.
+    if any(chunk.size < _CHECKSUM_BYTES * filters.count(_CHECKSUM) for chunk in chunks):
+        raise ValueError(f"{path}: damaged file: a chunk is shorter than its checksum")
     if _DEFLATE not in filters:
         return
     place = filters.index(_DEFLATE)
     if any(one != _CHECKSUM for one in filters[place + 1 :]):
         raise ValueError(f"{path}: its chunks are changed after they are deflated, which is not read")
-    for index in range(dataset.id.get_num_chunks()):
-        chunk = dataset.id.get_chunk_info(index)
+    for chunk in chunks:
         skipped, data = dataset.id.read_direct_chunk(chunk.chunk_offset)
         most = size + _CHECKSUM_BYTES
         if not skipped >> place & 1 and len(zlib.decompressobj().decompress(data, most + 1)) > most:

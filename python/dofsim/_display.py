@@ -11,7 +11,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ._blur import Blur, metres
+from ._blur import Blur, in_focus, metres
 from ._dofsim import Aperture, Lens, encode_png, render
 from ._drawing import NEAR_COLOR, SHARP_RADIUS_PX, Curve, codes
 
@@ -103,9 +103,9 @@ def _facts(lens: Lens) -> list[tuple[str, str]]:
             if lens.strength_percent is None
             else f"{lens.strength_percent:g} % of the width"
         )
-        return [("focus", f"disparity {lens.focus:g}"), ("blur", f"{strength} per unit of disparity")]
+        return [("focus", in_focus(lens)), ("blur", f"{strength} per unit of disparity")]
     facts = [
-        ("focus", metres(lens.focus_distance)),
+        ("focus", in_focus(lens)),
         ("field of view", f"{lens.fov:.4g}\N{DEGREE SIGN} along {lens.fov_axis}"),
     ]
     if not lens.aperture_radius:

@@ -49,6 +49,7 @@ _DepthKind: TypeAlias = Literal[
 _Device: TypeAlias = str
 _FovAxis: TypeAlias = Literal["x", "y", "diagonal", "smaller", "larger"]
 _Invalid: TypeAlias = Literal["raise", "far"]
+_InvalidColor: TypeAlias = Literal["raise", "fill"]
 _Pair: TypeAlias = tuple[float, float]
 _Path: TypeAlias = str | PathLike[str]
 _Transfer: TypeAlias = Literal["linear", "srgb"]
@@ -65,13 +66,11 @@ class _LensOptions(TypedDict, total=False):
 class _PoissonOptions(TypedDict, total=False):
     taps: int | NDArray[np.floating[Any]] | Sequence[Sequence[float]] | None
     bokeh: Literal["uniform", "ring", "gaussian", "inverse"] | None
-    max_coc_px: float | None
     leak_test: Literal["on", "off"] | None
 
 @type_check_only
 class _GaussianOptions(TypedDict, total=False):
     focal_range: float | None
-    max_coc_px: float | None
 
 @type_check_only
 class _TapsOptions(TypedDict, total=False):
@@ -79,8 +78,7 @@ class _TapsOptions(TypedDict, total=False):
     hyperfocal_factor: float | None
 
 @type_check_only
-class _HexagonalOptions(TypedDict, total=False):
-    max_coc_px: float | None
+class _HexagonalOptions(TypedDict, total=False): ...
 
 @type_check_only
 class _LevelsOptions(TypedDict, total=False):
@@ -91,7 +89,6 @@ class _SpritesOptions(TypedDict, total=False):
     # Numbers in rows: an array, or nested sequences.
     sprite: NDArray[Any] | Sequence[Sequence[float]] | None
     coc_threshold_px: float | None
-    max_coc_px: float | None
 
 HIGHLIGHT_RATIO: float
 __version__: str
@@ -167,7 +164,8 @@ class Aperture:
 @type_check_only
 class _LensWords(TypedDict, total=False):
     aperture_radius: float
-    focus_distance: float
+    focus_distance: float | None
+    in_focus: _Pair | None
     fov: float
     fov_axis: _FovAxis
     tilt: _Pair
@@ -181,7 +179,7 @@ class _LensWords(TypedDict, total=False):
     breathing_focal_length_mm: float | None
     strength_px: float
     strength_percent: float
-    focus: float
+    focus: float | None
 
 @final
 class Lens:
@@ -189,9 +187,10 @@ class Lens:
         cls,
         *,
         aperture_radius: float,
-        focus_distance: float,
+        focus_distance: float | None = None,
         fov: float,
         fov_axis: _FovAxis = "x",
+        in_focus: _Pair | None = None,
         tilt: _Pair = ...,
         field_curvature: float = 0.0,
         axial_color: _Triple = ...,
@@ -233,7 +232,8 @@ class Lens:
         *,
         strength_px: float | None = None,
         strength_percent: float | None = None,
-        focus: float,
+        focus: float | None = None,
+        in_focus: _Pair | None = None,
         axial_color: _Triple = ...,
         lateral_color: _Triple = ...,
         cat_eye: float = 0.0,
@@ -254,6 +254,8 @@ class Lens:
     def strength_percent(self, /) -> float | None: ...
     @property
     def focus(self, /) -> float | None: ...
+    @property
+    def in_focus(self, /) -> _Pair | None: ...
     @property
     def tilt(self, /) -> _Pair: ...
     @property
@@ -329,11 +331,14 @@ class Scene:
         near: float | None = None,
         far: float | None = None,
         invalid: _Invalid = "raise",
+        invalid_color: _InvalidColor = "raise",
         alpha: _Alpha | None = None,
         transfer: _Transfer | None = None,
         overscan: int = 0,
         supersample: int = 1,
     ) -> Scene: ...
+    @property
+    def filled_pixels(self, /) -> int: ...
     @overload
     def render(
         self,
@@ -342,6 +347,8 @@ class Scene:
         *,
         method: Literal["lens"] = "lens",
         aperture: Aperture | None = None,
+        in_focus: _Pair | None = None,
+        max_coc_px: float | None = None,
         threads: int | None = None,
         out: NDArray[Any] | None = None,
         **options: Unpack[_LensOptions],
@@ -354,6 +361,8 @@ class Scene:
         *,
         method: Literal["poisson"],
         aperture: Aperture | None = None,
+        in_focus: _Pair | None = None,
+        max_coc_px: float | None = None,
         threads: int | None = None,
         out: NDArray[Any] | None = None,
         **options: Unpack[_PoissonOptions],
@@ -366,6 +375,8 @@ class Scene:
         *,
         method: Literal["gaussian"],
         aperture: Aperture | None = None,
+        in_focus: _Pair | None = None,
+        max_coc_px: float | None = None,
         threads: int | None = None,
         out: NDArray[Any] | None = None,
         **options: Unpack[_GaussianOptions],
@@ -378,6 +389,8 @@ class Scene:
         *,
         method: Literal["taps"],
         aperture: Aperture | None = None,
+        in_focus: _Pair | None = None,
+        max_coc_px: float | None = None,
         threads: int | None = None,
         out: NDArray[Any] | None = None,
         **options: Unpack[_TapsOptions],
@@ -390,6 +403,8 @@ class Scene:
         *,
         method: Literal["hexagonal"],
         aperture: Aperture | None = None,
+        in_focus: _Pair | None = None,
+        max_coc_px: float | None = None,
         threads: int | None = None,
         out: NDArray[Any] | None = None,
         **options: Unpack[_HexagonalOptions],
@@ -402,6 +417,8 @@ class Scene:
         *,
         method: Literal["levels"],
         aperture: Aperture | None = None,
+        in_focus: _Pair | None = None,
+        max_coc_px: float | None = None,
         threads: int | None = None,
         out: NDArray[Any] | None = None,
         **options: Unpack[_LevelsOptions],
@@ -414,6 +431,8 @@ class Scene:
         *,
         method: Literal["sprites"],
         aperture: Aperture | None = None,
+        in_focus: _Pair | None = None,
+        max_coc_px: float | None = None,
         threads: int | None = None,
         out: NDArray[Any] | None = None,
         **options: Unpack[_SpritesOptions],
@@ -423,10 +442,11 @@ class Scene:
         self,
         /,
         lens: Lens,
-        distances: Sequence[float] | NDArray[np.floating[Any]],
+        distances: Sequence[float | _Pair] | NDArray[np.floating[Any]],
         *,
         method: Literal["lens"] = "lens",
         aperture: Aperture | None = None,
+        max_coc_px: float | None = None,
         threads: int | None = None,
         out: NDArray[Any] | None = None,
         **options: Unpack[_LensOptions],
@@ -436,10 +456,11 @@ class Scene:
         self,
         /,
         lens: Lens,
-        distances: Sequence[float] | NDArray[np.floating[Any]],
+        distances: Sequence[float | _Pair] | NDArray[np.floating[Any]],
         *,
         method: Literal["poisson"],
         aperture: Aperture | None = None,
+        max_coc_px: float | None = None,
         threads: int | None = None,
         out: NDArray[Any] | None = None,
         **options: Unpack[_PoissonOptions],
@@ -449,10 +470,11 @@ class Scene:
         self,
         /,
         lens: Lens,
-        distances: Sequence[float] | NDArray[np.floating[Any]],
+        distances: Sequence[float | _Pair] | NDArray[np.floating[Any]],
         *,
         method: Literal["gaussian"],
         aperture: Aperture | None = None,
+        max_coc_px: float | None = None,
         threads: int | None = None,
         out: NDArray[Any] | None = None,
         **options: Unpack[_GaussianOptions],
@@ -462,10 +484,11 @@ class Scene:
         self,
         /,
         lens: Lens,
-        distances: Sequence[float] | NDArray[np.floating[Any]],
+        distances: Sequence[float | _Pair] | NDArray[np.floating[Any]],
         *,
         method: Literal["taps"],
         aperture: Aperture | None = None,
+        max_coc_px: float | None = None,
         threads: int | None = None,
         out: NDArray[Any] | None = None,
         **options: Unpack[_TapsOptions],
@@ -475,10 +498,11 @@ class Scene:
         self,
         /,
         lens: Lens,
-        distances: Sequence[float] | NDArray[np.floating[Any]],
+        distances: Sequence[float | _Pair] | NDArray[np.floating[Any]],
         *,
         method: Literal["hexagonal"],
         aperture: Aperture | None = None,
+        max_coc_px: float | None = None,
         threads: int | None = None,
         out: NDArray[Any] | None = None,
         **options: Unpack[_HexagonalOptions],
@@ -488,10 +512,11 @@ class Scene:
         self,
         /,
         lens: Lens,
-        distances: Sequence[float] | NDArray[np.floating[Any]],
+        distances: Sequence[float | _Pair] | NDArray[np.floating[Any]],
         *,
         method: Literal["levels"],
         aperture: Aperture | None = None,
+        max_coc_px: float | None = None,
         threads: int | None = None,
         out: NDArray[Any] | None = None,
         **options: Unpack[_LevelsOptions],
@@ -501,10 +526,11 @@ class Scene:
         self,
         /,
         lens: Lens,
-        distances: Sequence[float] | NDArray[np.floating[Any]],
+        distances: Sequence[float | _Pair] | NDArray[np.floating[Any]],
         *,
         method: Literal["sprites"],
         aperture: Aperture | None = None,
+        max_coc_px: float | None = None,
         threads: int | None = None,
         out: NDArray[Any] | None = None,
         **options: Unpack[_SpritesOptions],
@@ -517,6 +543,8 @@ class Scene:
         *,
         method: Literal["lens"] = "lens",
         aperture: Aperture | None = None,
+        in_focus: _Pair | None = None,
+        max_coc_px: float | None = None,
         threads: int | None = None,
         **options: Unpack[_LensOptions],
     ) -> list[tuple[str, float]]: ...
@@ -528,6 +556,8 @@ class Scene:
         *,
         method: Literal["poisson"],
         aperture: Aperture | None = None,
+        in_focus: _Pair | None = None,
+        max_coc_px: float | None = None,
         threads: int | None = None,
         **options: Unpack[_PoissonOptions],
     ) -> list[tuple[str, float]]: ...
@@ -539,6 +569,8 @@ class Scene:
         *,
         method: Literal["gaussian"],
         aperture: Aperture | None = None,
+        in_focus: _Pair | None = None,
+        max_coc_px: float | None = None,
         threads: int | None = None,
         **options: Unpack[_GaussianOptions],
     ) -> list[tuple[str, float]]: ...
@@ -550,6 +582,8 @@ class Scene:
         *,
         method: Literal["taps"],
         aperture: Aperture | None = None,
+        in_focus: _Pair | None = None,
+        max_coc_px: float | None = None,
         threads: int | None = None,
         **options: Unpack[_TapsOptions],
     ) -> list[tuple[str, float]]: ...
@@ -561,6 +595,8 @@ class Scene:
         *,
         method: Literal["hexagonal"],
         aperture: Aperture | None = None,
+        in_focus: _Pair | None = None,
+        max_coc_px: float | None = None,
         threads: int | None = None,
         **options: Unpack[_HexagonalOptions],
     ) -> list[tuple[str, float]]: ...
@@ -572,6 +608,8 @@ class Scene:
         *,
         method: Literal["levels"],
         aperture: Aperture | None = None,
+        in_focus: _Pair | None = None,
+        max_coc_px: float | None = None,
         threads: int | None = None,
         **options: Unpack[_LevelsOptions],
     ) -> list[tuple[str, float]]: ...
@@ -583,6 +621,8 @@ class Scene:
         *,
         method: Literal["sprites"],
         aperture: Aperture | None = None,
+        in_focus: _Pair | None = None,
+        max_coc_px: float | None = None,
         threads: int | None = None,
         **options: Unpack[_SpritesOptions],
     ) -> list[tuple[str, float]]: ...
@@ -607,6 +647,8 @@ def coc(
     near: float | None = None,
     far: float | None = None,
     invalid: _Invalid = "raise",
+    in_focus: _Pair | None = None,
+    max_coc_px: float | None = None,
 ) -> NDArray[np.float32]: ...
 @overload
 def render(
@@ -621,10 +663,13 @@ def render(
     near: float | None = None,
     far: float | None = None,
     invalid: _Invalid = "raise",
+    invalid_color: _InvalidColor = "raise",
     alpha: _Alpha | None = None,
     transfer: _Transfer | None = None,
     overscan: int = 0,
     supersample: int = 1,
+    in_focus: _Pair | None = None,
+    max_coc_px: float | None = None,
     threads: int | None = None,
     out: NDArray[Any] | None = None,
     **options: Unpack[_LensOptions],
@@ -642,10 +687,13 @@ def render(
     near: float | None = None,
     far: float | None = None,
     invalid: _Invalid = "raise",
+    invalid_color: _InvalidColor = "raise",
     alpha: _Alpha | None = None,
     transfer: _Transfer | None = None,
     overscan: int = 0,
     supersample: int = 1,
+    in_focus: _Pair | None = None,
+    max_coc_px: float | None = None,
     threads: int | None = None,
     out: NDArray[Any] | None = None,
     **options: Unpack[_PoissonOptions],
@@ -663,10 +711,13 @@ def render(
     near: float | None = None,
     far: float | None = None,
     invalid: _Invalid = "raise",
+    invalid_color: _InvalidColor = "raise",
     alpha: _Alpha | None = None,
     transfer: _Transfer | None = None,
     overscan: int = 0,
     supersample: int = 1,
+    in_focus: _Pair | None = None,
+    max_coc_px: float | None = None,
     threads: int | None = None,
     out: NDArray[Any] | None = None,
     **options: Unpack[_GaussianOptions],
@@ -684,10 +735,13 @@ def render(
     near: float | None = None,
     far: float | None = None,
     invalid: _Invalid = "raise",
+    invalid_color: _InvalidColor = "raise",
     alpha: _Alpha | None = None,
     transfer: _Transfer | None = None,
     overscan: int = 0,
     supersample: int = 1,
+    in_focus: _Pair | None = None,
+    max_coc_px: float | None = None,
     threads: int | None = None,
     out: NDArray[Any] | None = None,
     **options: Unpack[_TapsOptions],
@@ -705,10 +759,13 @@ def render(
     near: float | None = None,
     far: float | None = None,
     invalid: _Invalid = "raise",
+    invalid_color: _InvalidColor = "raise",
     alpha: _Alpha | None = None,
     transfer: _Transfer | None = None,
     overscan: int = 0,
     supersample: int = 1,
+    in_focus: _Pair | None = None,
+    max_coc_px: float | None = None,
     threads: int | None = None,
     out: NDArray[Any] | None = None,
     **options: Unpack[_HexagonalOptions],
@@ -726,10 +783,13 @@ def render(
     near: float | None = None,
     far: float | None = None,
     invalid: _Invalid = "raise",
+    invalid_color: _InvalidColor = "raise",
     alpha: _Alpha | None = None,
     transfer: _Transfer | None = None,
     overscan: int = 0,
     supersample: int = 1,
+    in_focus: _Pair | None = None,
+    max_coc_px: float | None = None,
     threads: int | None = None,
     out: NDArray[Any] | None = None,
     **options: Unpack[_LevelsOptions],
@@ -747,10 +807,13 @@ def render(
     near: float | None = None,
     far: float | None = None,
     invalid: _Invalid = "raise",
+    invalid_color: _InvalidColor = "raise",
     alpha: _Alpha | None = None,
     transfer: _Transfer | None = None,
     overscan: int = 0,
     supersample: int = 1,
+    in_focus: _Pair | None = None,
+    max_coc_px: float | None = None,
     threads: int | None = None,
     out: NDArray[Any] | None = None,
     **options: Unpack[_SpritesOptions],

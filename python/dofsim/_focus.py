@@ -48,7 +48,7 @@ def focus_pull(
         How the focus moves between two keyframes: at rest at both, evenly, or at rest at the first or the
         last only.
     **options
-        As for `Scene.render`: ``method``, ``aperture``, ``threads`` and those of the method.
+        As for `Scene.render`: ``method``, ``aperture``, ``max_coc_px``, ``threads`` and those of the method.
 
     Yields
     ------
@@ -78,8 +78,8 @@ def focus_pull(
         raise ValueError(
             f"keyframes must have at least one frame, and rising numbers of frames; got {frames}"
         )
-    lenses = [_focused(lens, focus) for focus in _positions(lens, keyframes, _EASINGS[easing])]
-    return (scene.render(focused, **options) for focused in lenses)
+    lenses = [focused(lens, focus) for focus in _positions(lens, keyframes, _EASINGS[easing])]
+    return (scene.render(one, **options) for one in lenses)
 
 
 def _positions(
@@ -101,5 +101,6 @@ def _distance(disparity: float) -> float:
     return 1.0 / disparity if disparity > 0.0 else float("inf")
 
 
-def _focused(lens: Lens, focus: float) -> Lens:
+def focused(lens: Lens, focus: float) -> Lens:
+    """Focus a lens on a distance in metres, or on a relative disparity."""
     return lens.replace(focus_distance=focus) if lens.focus is None else lens.replace(focus=focus)

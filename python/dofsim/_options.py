@@ -11,6 +11,7 @@ from typing import Any
 import dofsim
 
 from ._files import check_regular, read_text
+from ._names import listed
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -20,6 +21,8 @@ else:
 THIN_WORDS = ("aperture_radius", "focus_distance", "fov", "fov_axis")
 CAMERA_WORDS = ("focal_length_mm", "f_number", "focus_distance", "sensor_width_mm", "sensor")
 RELATIVE_WORDS = ("strength_px", "strength_percent", "focus")
+# What a lens has in focus: a plane, or a range in its place.
+FOCUS_WORDS = ("focus_distance", "focus", "in_focus")
 # What lenses may have beyond that; each constructor or `Lens.replace` says which of them it takes.
 FURTHER_WORDS = (
     "tilt",
@@ -32,6 +35,17 @@ FURTHER_WORDS = (
     "sensor_mm",
     "breathing_focal_length_mm",
     "breathing",
+)
+# What openings have; see `dofsim.Aperture`.
+APERTURE_WORDS = (
+    "blades",
+    "rotation",
+    "roundness",
+    "ratio",
+    "obstruction",
+    "apodization",
+    "spherical",
+    "image",
 )
 # No pixel and no opening is beyond it, and whole numbers of 64 bits end there.
 _LARGEST = 2**63
@@ -59,7 +73,7 @@ def read_settings(
     Raises
     ------
     ValueError
-        If the file is not TOML.
+        If the file is not TOML, or its aperture has other words.
     OSError
         If it cannot be read.
     """
@@ -75,9 +89,18 @@ def read_settings(
     opening = words.pop("aperture", {})
     if not isinstance(opening, dict):
         raise ValueError(f"{path}: aperture must be a table")
+    if alien := [word for word in opening if word not in APERTURE_WORDS]:
+        raise ValueError(f"{path}: an aperture has no {listed(alien)}; it has {', '.join(APERTURE_WORDS)}")
     given = {word: value for word, value in lens.items() if value is not None}
     opened = {word: value for word, value in aperture.items() if value is not None}
-    return words | given, opening | opened
+    return merged(words, given), opening | opened
+
+
+def merged(words: Mapping[str, Any], first: Mapping[str, Any]) -> dict[str, Any]:
+    """Put the words of two lenses together, where the second's count first; its focus replaces any other."""
+    focused = not set(FOCUS_WORDS).isdisjoint(first)
+    kept = {word: value for word, value in words.items() if not (focused and word in FOCUS_WORDS)}
+    return {**kept, **first}
 
 
 def read_method_options(settings: list[str]) -> dict[str, Any]:
@@ -125,7 +148,7 @@ def make_lens(words: Mapping[str, Any]) -> dofsim.Lens:
     ----------
     words : mapping
         The arguments of `dofsim.Lens`, of `Lens.from_camera` or of `Lens.from_disparity`, and those of
-        `Lens.replace`.
+        `Lens.replace`, such as ``in_focus`` in place of a plane in focus.
 
     Returns
     -------
@@ -137,6 +160,8 @@ def make_lens(words: Mapping[str, Any]) -> dofsim.Lens:
     ValueError
         If words are missing or belong to different kinds of lenses, or if a value is out of range.
     """
+    if "in_focus" in words:
+        return _make_lens_of_range(words)
     kinds = (CAMERA_WORDS, dofsim.Lens.from_camera), (RELATIVE_WORDS, dofsim.Lens.from_disparity)
     known, maker = next(
         (kind for kind in kinds if any(word in kind[0] and word != "focus_distance" for word in words)),
@@ -156,6 +181,16 @@ def make_lens(words: Mapping[str, Any]) -> dofsim.Lens:
     if "breathing" in further and maker is dofsim.Lens.from_camera:
         words["breathing"] = further.pop("breathing")
     return maker(**words).replace(**further)
+
+
+def _make_lens_of_range(words: Mapping[str, Any]) -> dofsim.Lens:
+    focus, in_focus = focus_word(words), tuple(words["in_focus"])
+    if focus in words:
+        raise ValueError(f"{_spell([focus])} and --in-focus exclude each other")
+    # The field of view of a camera depends on its focus: the lens is made anew with that of the range.
+    middle = make_lens(without_focus(words)).replace(in_focus=in_focus)
+    plane = {word: value for word, value in words.items() if word != "in_focus"}
+    return make_lens({**plane, focus: getattr(middle, focus)}).replace(in_focus=in_focus)
 
 
 def one_of(option: str, value: str | None, accepted: tuple[Any, ...]) -> Any:
@@ -229,6 +264,15 @@ def read_preset(
     return kind or preset.depth_kind, preset.reading | words
 
 
+def read_range(text: str) -> tuple[float, float]:
+    """Read the two ends that follow ``--in-focus``, of which one may be infinite."""
+    try:
+        near, far = (float(number) for number in text.split(","))
+    except ValueError:
+        raise ValueError(f"--in-focus takes the nearer and the farther end, NEAR,FAR; got {text!r}") from None
+    return near, far
+
+
 def read_pixel(text: str) -> tuple[int, int]:
     """Read the column and the row that follow ``--focus-at``."""
     return read_numbers("--focus-at", text, int, "a column and a row, X,Y")
@@ -237,7 +281,7 @@ def read_pixel(text: str) -> tuple[int, int]:
 def without_focus(words: Mapping[str, Any]) -> dict[str, Any]:
     """Give a lens some focus, far away, for what does not depend on it; a tilted one needs a finite focus."""
     far = 1e9 if "tilt" in words else math.inf
-    return {**words, focus_word(words): 1.0 if focus_word(words) == "focus" else far}
+    return merged(words, {focus_word(words): 1.0 if focus_word(words) == "focus" else far})
 
 
 def focus_word(words: Mapping[str, Any]) -> str:
@@ -278,7 +322,7 @@ def focused_words(
         # Where a tilted plane meets the axis depends a little on the field of view, and that on the focus.
         for _ in range(3):
             found = make_lens(focused).focused_at(depth, *pixel, **kind)
-            focused = {**words, focus: getattr(found, focus)}
+            focused = merged(words, {focus: getattr(found, focus)})
     except IndexError as error:
         raise ValueError(f"--focus-at: {error}") from error
     return focused

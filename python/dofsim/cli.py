@@ -9,9 +9,10 @@ from __future__ import annotations
 import errno
 import sys
 import time
+import warnings
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TextIO
 
 import typer
 
@@ -62,7 +63,10 @@ def run(arguments: list[str]) -> int:
     2
     """
     try:
-        status: object = app(arguments, prog_name="dofsim", standalone_mode=False)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("always", message="color has ", category=UserWarning)
+            warnings.showwarning = _say_warning
+            status: object = app(arguments, prog_name="dofsim", standalone_mode=False)
         if status == _INTERRUPTED:
             return _fail("interrupted", 1)
         return status if isinstance(status, int) else 0
@@ -91,6 +95,18 @@ def _fail(message: str, status: int) -> int:
     if message:
         print(f"dofsim: {printable(message)}", file=sys.stderr)
     return status
+
+
+def _say_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """Show a warning as a line like those of errors."""
+    print(f"dofsim: {printable(str(message))}", file=sys.stderr)
 
 
 def _print_version(wanted: bool) -> None:
@@ -136,7 +152,6 @@ def render_command(
         layer=render_options.layer,
         **reading,
         transfer=_options.one_of("--transfer", render_options.transfer, io.TRANSFERS),
-        invalid_color=_options.one_of("--invalid-color", render_options.invalid_color, io.INVALID_COLORS),
     )
     words, opening = lens_options.read(rgbd.depth, aperture_options, **kind)
     _check_input(output, opening.get("image"))
@@ -151,6 +166,7 @@ def render_command(
         **kind,
         "device": render_options.device,
         "invalid": depth_options.invalid,
+        "invalid_color": render_options.invalid_color,
         "alpha": "premultiplied" if has_alpha else "none",
         "transfer": "linear",
         "overscan": render_options.overscan,
@@ -181,6 +197,7 @@ def coc_command(
     output: Output,
     lens_options: options.LensOptions,
     depth_options: options.DepthOptions,
+    max_coc_px: options.MaxCoc = None,
     limit: Annotated[
         float | None, typer.Option(help="Radius in pixels at which the colours of a PNG end.")
     ] = None,
@@ -194,7 +211,7 @@ def coc_command(
     plane, channel = io.read_named_depth(depth, **words)
     words, _ = lens_options.read(plane, **kind)
     lens = _options.make_lens(words)
-    radius = dofsim.coc(plane, lens, **kind, invalid=depth_options.invalid)
+    radius = dofsim.coc(plane, lens, **kind, invalid=depth_options.invalid, max_coc_px=max_coc_px)
     if output.suffix.lower() == ".png":
         from .falsecolor import draw_coc
 

@@ -18,14 +18,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from . import _arrays, _datasets, _deep, _dofsim
 from ._alpha import premultiply
-from ._bad_pixels import fill_from_neighbours
 from ._channels import Channel
 from ._exr import ExrFile, list_channels, read_exr, write_exr
 from ._files import StrPath
@@ -43,7 +42,6 @@ from ._save import (
 
 __all__ = [
     "ALPHAS",
-    "INVALID_COLORS",
     "READABLE_SUFFIXES",
     "RGBD",
     "SAMPLE_TYPES",
@@ -62,9 +60,6 @@ __all__ = [
 ]
 
 Window = Literal["display", "data"]
-InvalidColor = Literal["keep", "neighbours"]
-
-INVALID_COLORS: tuple[InvalidColor, ...] = get_args(InvalidColor)
 
 # Suffixes that files of the kinds read here have; they are recognised by their contents all the same.
 READABLE_SUFFIXES = (*SUFFIXES, ".jpg", ".jpeg", ".webp", ".bmp", ".hdr", ".dpt", ".h5", ".hdf5")
@@ -294,7 +289,6 @@ def read_rgbd(
     transfer: Transfer | None = None,
     window: Window = "display",
     max_layers: int = 4,
-    invalid_color: InvalidColor = "keep",
 ) -> RGBD:
     """Read a picture and its depth from one file or two.
 
@@ -320,9 +314,6 @@ def read_rgbd(
     max_layers : int, optional
         The most layers that the samples of a deep OpenEXR file are merged to, without loss of light; such
         files need ``pip install dofsim[deep]``.
-    invalid_color : {"keep", "neighbours"}, optional
-        What to do with pixels whose colour is NaN or infinite: keep them, for `dofsim.render` to refuse, or
-        give them the mean of those around them.
 
     Returns
     -------
@@ -349,8 +340,6 @@ def read_rgbd(
     ((4, 6, 3), (4, 6))
     """
     _check_scale(depth_scale, "depth_scale")
-    if invalid_color not in INVALID_COLORS:
-        raise ValueError(f"invalid_color must be one of {', '.join(INVALID_COLORS)}; got {invalid_color!r}")
     if depth_path is None:
         exr_kind = _deep.exr_kind(color_path)
         if exr_kind == "deep":
@@ -360,8 +349,6 @@ def read_rgbd(
                 )
             layers, depths = _deep.read_deep(color_path, max_layers, data=window == "data")
             measured = _measured(depths, depth_scale, depth_missing, depth_background)
-            if invalid_color == "neighbours":
-                layers = np.stack([fill_from_neighbours(layer) for layer in layers])
             return RGBD(layers, measured, "linear", "premultiplied")
         if exr_kind == "flat":
             file = ExrFile.of(color_path)
@@ -370,7 +357,7 @@ def read_rgbd(
             pixels, plane = file.read_both(channels, chosen, data=window == "data")
             image = _exr_image(color_path, pixels, channels, transfer)
             depth = _measured(plane, depth_scale, depth_missing, depth_background)
-            return _checked_rgbd(color_path, image, depth, chosen.full, invalid_color)
+            return _checked_rgbd(color_path, image, depth, chosen.full)
         if (kind := _datasets.file_kind(color_path)) != "npz":
             raise ValueError(f"{color_path}: a file of kind {kind} holds no depth beside the picture")
     image = read_color(color_path, layer=layer, transfer=transfer, window=window)
@@ -383,7 +370,7 @@ def read_rgbd(
         layer=layer if depth_path is None else None,
         window=window,
     )
-    return _checked_rgbd(color_path, image, plane, name, invalid_color)
+    return _checked_rgbd(color_path, image, plane, name)
 
 
 def read_named_depth(
@@ -450,17 +437,11 @@ def _checked_rgbd(
     image: Image,
     depth: NDArray[np.float32],
     depth_channel: str | None,
-    invalid_color: InvalidColor,
 ) -> RGBD:
     """Put a picture and its depth together, if they are of one size."""
     if image.pixels.shape[: depth.ndim] != depth.shape or image.pixels.ndim > depth.ndim + 1:
         raise ValueError(f"{path}: the picture is {_describe(image.pixels)}, its depth {_describe(depth)}")
-    pixels = image.pixels
-    if invalid_color == "neighbours" and depth.ndim == 3:
-        pixels = np.stack([fill_from_neighbours(layer) for layer in pixels])
-    elif invalid_color == "neighbours":
-        pixels = fill_from_neighbours(pixels)
-    return RGBD(pixels, depth, image.transfer, image.alpha, image.channels, depth_channel)
+    return RGBD(image.pixels, depth, image.transfer, image.alpha, image.channels, depth_channel)
 
 
 def _check_scale(scale: float, name: str) -> None:

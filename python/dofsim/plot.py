@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _compare, _display, falsecolor, metrics
-from ._blur import Blur, metres
+from ._blur import Blur, in_focus, metres
 from ._dofsim import Aperture, Lens
 from ._dofsim import coc as radius_of
 from ._drawing import NEAR_COLOR, SHARP_RADIUS_PX, Curve
@@ -109,7 +109,7 @@ def coc(
     bar.set_label("radius of the circle of confusion, px")
     bar.ax.set_title("far", fontsize="small", color=_FAR_COLOR)
     bar.ax.set_xlabel("near", fontsize="small", color=NEAR_COLOR)
-    ax.set_title(f"Focused at {_focus_of(lens)}", loc="left", fontsize="medium")
+    ax.set_title(f"Focused at {in_focus(lens)}", loc="left", fontsize="medium")
     return figure
 
 
@@ -425,10 +425,6 @@ def _show(ax: Axes, pixels: NDArray[Any], **colors: Any) -> AxesImage:
     """Show pixels without a frame; drawn smaller, they are averaged."""
     ax.set_axis_off()
     return ax.imshow(pixels, interpolation="antialiased", **colors)
-
-
-def _focus_of(lens: Lens) -> str:
-    return f"disparity {lens.focus:g}" if lens.focus_distance is None else metres(lens.focus_distance)
 
 
 def _draw_regions(ax: Axes, regions: Mapping[str, NDArray[np.bool_]], border: int) -> None:

@@ -44,15 +44,16 @@ class RandomDepthOfField(v2.Transform):
     Parameters
     ----------
     lens : Lens
-        The lens to vary; its focus is replaced.
+        The lens to vary; its focus is replaced, unless it is a range, ``in_focus``.
     max_coc_px : tuple of float
         The largest radius of the circle of confusion in the picture, in pixels, is drawn between these two.
         The lens is opened so far.
     depth_to : {"depth", "coc"}, optional
         Whether the depth is passed on, or replaced by the signed radius of the circle of confusion in pixels.
     **options
-        ``depth_kind``, ``near``, ``far``, ``invalid`` and all that `dofsim.render` knows of methods and
-        openings. In a worker of a data loader ``threads`` is 1 unless given.
+        ``depth_kind``, ``near``, ``far``, ``invalid``, ``invalid_color``, ``in_focus`` and all that
+        `dofsim.render` knows of methods and openings. In a worker of a data loader ``threads`` is 1 unless
+        given.
 
     Raises
     ------
@@ -87,6 +88,8 @@ class RandomDepthOfField(v2.Transform):
         low, high = max_coc_px
         if not 0 <= low <= high < float("inf"):
             raise ValueError(f"max_coc_px must be two radii, 0 <= low <= high; got {max_coc_px}")
+        if "in_focus" in options:
+            lens = lens.replace(in_focus=options.pop("in_focus"))
         if depth_to not in ("depth", "coc"):
             raise ValueError(f"depth_to must be 'depth' or 'coc'; got {depth_to!r}")
         self.lens = lens
@@ -127,7 +130,7 @@ class RandomDepthOfField(v2.Transform):
         Returns
         -------
         Lens
-            Focused on a random pixel with finite depth, as wide as was drawn.
+            Focused on a random pixel with finite depth, or over its range in focus; as wide as was drawn.
         """
         planes = _array(depth).reshape(-1, *depth.shape[-2:])
         words = {name: value for name, value in self.depth_options.items() if name != "invalid"}
@@ -139,7 +142,9 @@ class RandomDepthOfField(v2.Transform):
             raise ValueError("the depth has no pixel to focus on: none is finite")
         chosen = usable[int(torch.randint(usable.size, ()))]
         index, y, x = (int(i) for i in np.unravel_index(chosen, planes.shape))
-        lens = self.lens.focused_at(planes[index], x, y, **words)
+        lens = self.lens
+        if lens.in_focus is None:
+            lens = lens.focused_at(planes[index], x, y, **words)
         # The radius is proportional to the opening, so that one look at any opening tells how far to open it.
         largest = max(float(np.abs(self._coc(plane, lens)).max()) for plane in planes)
         low, high = self.max_coc_px

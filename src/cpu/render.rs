@@ -61,14 +61,14 @@ impl Exposure<'_> {
     /// Runs the method on the picture.
     fn blurred(&self, out: &mut [f32]) -> Result<()> {
         let Exposure { scene, imaging, simd, cancel, .. } = *self;
-        let flattened = scene.flattened(&imaging.surface);
-        by_focus(imaging, &flattened, out, |part, out| {
+        let mapped = scene.mapped(&imaging.disparity_map());
+        by_focus(imaging, &mapped, out, |part, out| {
             let (picture, optics) = (&*part.picture, &part.optics);
             let job = Job { front: &picture.layers[0], size: picture.size, optics, simd, cancel };
             match self.method {
                 Method::Lens(settings) => {
                     let (optics, settings) = settings.leaning(imaging, optics)?;
-                    let all = scene.layered(&flattened, &imaging.surface, &optics, simd, cancel)?;
+                    let all = scene.layered(&mapped, &optics, simd, cancel)?;
                     let layered = match part.channels {
                         None => all,
                         Some(channels) => Arc::new(all.of_channels(channels)),

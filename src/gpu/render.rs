@@ -67,7 +67,7 @@ pub(super) struct Exposure<'a> {
     gpu: &'a Arc<Gpu>,
     scope: &'a Scope<'a>,
     imaging: &'a Imaging,
-    /// The picture with the focus surface subtracted from its depth.
+    /// The picture with mapped disparity.
     picture: Arc<Picture>,
     /// The source pixels of the picture, if it is magnified.
     sources: Option<Sources>,
@@ -79,7 +79,7 @@ pub(super) struct Exposure<'a> {
 impl<'a> Exposure<'a> {
     pub(super) fn new(gpu: &'a Arc<Gpu>, scope: &'a Scope, imaging: &'a Imaging) -> Result<Exposure<'a>> {
         let scene = scope.scene;
-        let picture = scene.flattened(&imaging.surface);
+        let picture = scene.mapped(&imaging.disparity_map());
         let sources = Sources::new(imaging, picture.size);
         let clip = scope.method.clip_of(imaging);
         let mut exposure = Exposure { gpu, scope, imaging, picture, sources, clip, bands: Vec::new() };
@@ -132,7 +132,7 @@ impl<'a> Exposure<'a> {
     /// The layered scene for a lens that has been adapted to the focus surface.
     fn layered(&self, optics: &Optics) -> Result<Arc<LayeredScene>> {
         let Scope { scene, simd, cancel, .. } = *self.scope;
-        scene.layered(&self.picture, &self.imaging.surface, optics, simd, cancel)
+        scene.layered(&self.picture, optics, simd, cancel)
     }
 
     /// Starts to compute one band.

@@ -121,7 +121,8 @@ impl Lens {
         if z.is_nan() || z <= 0.0 {
             return Err(value_error!("z must be a depth in metres greater than 0; got {z}"));
         }
-        Ok(2e3 * aperture_radius * v * (1.0 / u - 1.0 / z).abs())
+        let [farthest, nearest] = self.disparities_in_focus().unwrap_or([1.0 / u; 2]);
+        Ok(2e3 * aperture_radius * v * ((1.0 / z).clamp(farthest, nearest) - 1.0 / z).abs())
     }
 
     /// The nearest focus at which the blur of infinity is no larger than `coc_limit_mm`: `f^2 / (N c) + f`.
@@ -134,13 +135,14 @@ impl Lens {
     }
 
     /// Nearest and farthest depth whose blur is no larger than `coc_limit_mm`. The blur is linear in `1/z`, so both
-    /// are `c / (2 A v)` from the focus.
+    /// are `c / (2 A v)` from what is in focus.
     pub fn depth_of_field(&self, coc_limit_mm: f64) -> Result<(f64, f64)> {
         let (aperture_radius, u, v) = self.metric("depth_of_field")?;
         let c = positive("coc_limit_mm", coc_limit_mm, "a diameter in millimetres")? * 1e-3;
         let apart = c / (2.0 * aperture_radius * v);
-        let far = 1.0 / u - apart;
-        Ok((1.0 / (1.0 / u + apart), if far > 0.0 { 1.0 / far } else { f64::INFINITY }))
+        let [farthest, nearest] = self.disparities_in_focus().unwrap_or([1.0 / u; 2]);
+        let far = farthest - apart;
+        Ok((1.0 / (nearest + apart), if far > 0.0 { 1.0 / far } else { f64::INFINITY }))
     }
 }
 

@@ -1,6 +1,7 @@
 //! The image of one frame through a lens.
 
 use super::defocus::Optics;
+use super::disparity_map::{DisparityMap, MaxRadius};
 use super::lens::{Base, Lens, Strength};
 use super::surface::FocusSurface;
 use crate::depth::Rays;
@@ -71,6 +72,10 @@ pub struct Imaging {
     pub optics: Optics,
     /// The focus surface of the rest of the picture.
     pub surface: FocusSurface,
+    /// Least and greatest disparity in focus on the axis, if that is a range.
+    pub in_focus: Option<[f64; 2]>,
+    /// The largest radius of circles of confusion, but for what axial colour adds to it.
+    pub max_radius: Option<MaxRadius>,
     /// The change of the disparity in focus for red, green and blue.
     pub axial_color: [f64; 3],
     /// Magnification of the red, green and blue pictures about [`FocusSurface::centre`].
@@ -89,6 +94,19 @@ impl Imaging {
         let second_stop = self.second_stop.map(|own| own.rows_from(y));
         let falloff = self.falloff.map(|own| Falloff { centre: moved(own.centre), ..own });
         Imaging { surface, second_stop, falloff, ..*self }
+    }
+
+    /// The map of the picture's disparity to that for which this is a plain lens.
+    pub fn disparity_map(&self) -> DisparityMap {
+        DisparityMap::new(&self.optics, self.surface, self.in_focus, self.max_radius)
+    }
+
+    /// The nearest and the farthest distance in metres no more blurred than this radius, on the axis. Of a metric scene
+    /// only.
+    pub fn limits_m(&self, radius_px: f64) -> (f64, f64) {
+        let [farthest, nearest] = self.in_focus.unwrap_or([self.optics.d_focus; 2]);
+        let at = |d_focus| Optics { d_focus, ..self.optics }.limits_m(radius_px);
+        (at(nearest).0, at(farthest).1)
     }
 
     /// The optics of one channel. Channels beyond three, which are coverage, have green's.
@@ -163,7 +181,12 @@ impl Frame {
 
     /// All properties of a lens that this frame needs.
     pub fn imaging(&self, lens: &Lens) -> Result<Imaging> {
-        let (optics, centre, focal_px) = (self.optics(lens), self.centre(lens), self.focal_px(lens));
+        let (mut optics, centre, focal_px) = (self.optics(lens), self.centre(lens), self.focal_px(lens));
+        let in_focus = lens.disparities_in_focus().filter(|[least, most]| least < most);
+        if in_focus.is_some() {
+            // All of the range becomes this disparity and is stored as f32: then its radius is exactly 0.
+            optics.d_focus = f64::from(optics.d_focus as f32);
+        }
         let surface = lens.focus_surface(focal_px, centre);
         surface.lean(optics.k)?;
         let half_diagonal = 0.5 * (self.width as f64).hypot(self.height as f64) * self.finer as f64;
@@ -173,6 +196,8 @@ impl Frame {
         Ok(Imaging {
             optics,
             surface,
+            in_focus,
+            max_radius: None,
             axial_color: aberrations.axial_color,
             magnification: aberrations.lateral_color.map(|less_1| breathing * (1.0 + less_1)),
             second_stop: (aberrations.cat_eye > 0.0)

@@ -164,6 +164,9 @@ pub struct Lens {
     pub mount: Mount,
     /// Its deviations from a thin lens.
     pub aberrations: Aberrations,
+    /// The nearer and the farther end of the range in focus, if that is no plane: distances in metres, or relative
+    /// disparities. The focus of `base` is its middle in disparity.
+    pub in_focus: Option<[f64; 2]>,
 }
 
 pub(super) fn positive(name: &str, value: f64, what: &str) -> Result<f64> {
@@ -200,7 +203,7 @@ impl Lens {
             return Err(value_error!("fov must be an angle in degrees between 0 and 180; got {fov}"));
         }
         let base = Base::Thin { aperture_radius, focus_distance, fov, fov_axis };
-        Ok(Lens { base, mount: Mount::PLAIN, aberrations: Aberrations::NONE })
+        Ok(Lens { base, mount: Mount::PLAIN, aberrations: Aberrations::NONE, in_focus: None })
     }
 
     /// A lens over relative disparity: the radius is `strength * |disparity - focus|`.
@@ -218,7 +221,7 @@ impl Lens {
             return Err(value_error!("focus must be a finite disparity; got {focus}"));
         }
         let base = Base::Relative { strength, focus_disparity: focus };
-        Ok(Lens { base, mount: Mount::PLAIN, aberrations: Aberrations::NONE })
+        Ok(Lens { base, mount: Mount::PLAIN, aberrations: Aberrations::NONE, in_focus: None })
     }
 
     /// The same lens with this mount.
@@ -312,6 +315,44 @@ impl Lens {
         }
     }
 
+    /// The same lens with a range in focus, from its nearer to its farther end: distances in metres, of which the
+    /// farther may be infinite, or relative disparities.
+    ///
+    /// Its own focus is from then on the plane that blurs both ends alike, the middle of their disparities.
+    pub fn focused_over(&self, [near, far]: [f64; 2]) -> Result<Lens> {
+        let lens = match self.base {
+            Base::Thin { aperture_radius, fov, fov_axis, .. } => {
+                if !(near.is_finite() && 0.0 < near && near <= far) {
+                    return Err(value_error!(
+                        "in_focus must be two distances in metres, the nearer and the farther, greater than 0; the \
+                         farther may be infinite; got ({near}, {far})"
+                    ));
+                }
+                // 2 / (1/near + 1/far), and exactly `near` if both are equal.
+                Lens::thin(aperture_radius, near * (2.0 / (1.0 + near / far)), fov, fov_axis)
+            }
+            Base::Relative { strength, .. } => {
+                if !(near.is_finite() && far.is_finite() && far <= near) {
+                    return Err(value_error!(
+                        "in_focus must be two finite disparities, that of the nearer end, which is the larger, and that \
+                         of the farther; got ({near}, {far})"
+                    ));
+                }
+                Lens::from_disparity(strength, 0.5 * near + 0.5 * far)
+            }
+        }?;
+        let lens = lens.mounted(self.mount)?.with_aberrations(self.aberrations)?;
+        Ok(Lens { in_focus: Some([near, far]), ..lens })
+    }
+
+    /// The least and the greatest disparity of the range in focus, if there is one.
+    pub(super) fn disparities_in_focus(&self) -> Option<[f64; 2]> {
+        self.in_focus.map(|[near, far]| match self.base {
+            Base::Thin { .. } => [1.0 / far, 1.0 / near],
+            Base::Relative { .. } => [far, near],
+        })
+    }
+
     /// The same lens with another disparity in focus on its axis.
     pub fn focused_at_disparity(&self, d: f64) -> Result<Lens> {
         let lens = match self.base {
@@ -344,6 +385,11 @@ mod tests {
             (thin(f64::INFINITY).mounted(tilted), "tilt"),
             (relative.mounted(tilted), "tilt"),
             (thin(1.0).mounted(Mount { sensor_mm: Some(0.0), ..Mount::PLAIN }), "sensor_mm"),
+            (thin(1.0).focused_over([0.0, 1.0]), "in_focus"),
+            (thin(1.0).focused_over([2.0, 1.0]), "in_focus"),
+            (thin(1.0).focused_over([f64::INFINITY; 2]), "in_focus"),
+            (relative.focused_over([0.1, 0.2]), "in_focus"),
+            (relative.focused_over([f64::NAN, 0.2]), "in_focus"),
             (thin(1.0).with_aberrations(Aberrations { cat_eye: 1.5, ..Aberrations::NONE }), "cat_eye"),
             (
                 thin(1.0).with_aberrations(Aberrations { vignetting: Vignetting::Full, ..Aberrations::NONE }),
@@ -362,5 +408,18 @@ mod tests {
             let text = lens.unwrap_err().to_string();
             assert!(text.starts_with(name), "{text}");
         }
+    }
+
+    #[test]
+    fn a_range_in_focus_blurs_its_ends_alike_from_its_middle() {
+        let lens = Lens::thin(0.1, 9.0, 40.0, FovAxis::X).unwrap();
+        for (range, middle) in [([2.0, 2.0], 2.0), ([2.0, 6.0], 3.0), ([2.0, f64::INFINITY], 4.0)] {
+            let Base::Thin { focus_distance, .. } = lens.focused_over(range).unwrap().base else { panic!() };
+            assert_eq!(focus_distance, middle);
+        }
+        let relative =
+            Lens::from_disparity(Strength::Px(1.0), 0.0).unwrap().focused_over([0.75, 0.25]).unwrap();
+        assert_eq!(relative.base, Base::Relative { strength: Strength::Px(1.0), focus_disparity: 0.5 });
+        assert_eq!(relative.focused_at_disparity(0.1).unwrap().in_focus, None);
     }
 }

@@ -1,7 +1,7 @@
 //! `dofsim.Aperture`.
 
 use super::argument;
-use super::lens::cameras::read_camera;
+use super::lens::cameras::{of_camera, read_camera};
 use super::lens::hash_text;
 use super::samples::array;
 use crate::aperture::{Aperture, Picture};
@@ -208,14 +208,16 @@ impl PyAperture {
     /// Aperture(blades=6, rotation=30.0, ratio=2.0)
     #[staticmethod]
     fn from_blender(camera: &Bound<'_, PyAny>) -> PyResult<PyAperture> {
-        let (blades, rotation, ratio): (f64, f64, f64) = read_camera("blender_aperture", camera)?;
-        // Cycles treats fewer than three blades as no blades.
-        let blades = if blades < 3.0 { 0 } else { blades as u32 };
-        let rotation = match blades {
-            0 => 0.0,
-            n => rotation.to_degrees() + 180.0 / f64::from(n),
-        };
-        PyAperture::new(blades, rotation, 0.0, ratio, 0.0, None, 0.0, None)
+        of_camera(camera, || {
+            let (blades, rotation, ratio): (f64, f64, f64) = read_camera("blender_aperture", camera)?;
+            // Cycles treats fewer than three blades as no blades.
+            let blades = if blades < 3.0 { 0 } else { blades as u32 };
+            let rotation = match blades {
+                0 => 0.0,
+                n => rotation.to_degrees() + 180.0 / f64::from(n),
+            };
+            PyAperture::new(blades, rotation, 0.0, ratio, 0.0, None, 0.0, None)
+        })
     }
 
     /// Number of blades; 0 is round.

@@ -36,8 +36,8 @@ macro_rules! arguments {
 
 arguments! {
     aperture_radius apodization axial_color blades breathing_focal_length_mm cat_eye coc_limit_mm cx
-    cy f_number far field_curvature focal_length_mm focus focus_distance fov fx height lateral_color
-    near obstruction overscan principal_point radius_px ratio rotation roundness sensor_mm
+    cy f_number far field_curvature focal_length_mm focus focus_distance fov fx height in_focus
+    lateral_color max_coc_px near obstruction overscan principal_point radius_px ratio rotation roundness sensor_mm
     sensor_width_mm spherical strength_percent strength_px supersample threads tilt width x y z
 }
 
@@ -80,6 +80,14 @@ impl Argument for u32 {
 
 impl Argument for (f64, f64) {
     const KIND: &'static str = "a tuple of two numbers";
+
+    fn read(value: &Bound<'_, PyAny>) -> PyResult<Self> {
+        value.extract()
+    }
+}
+
+impl Argument for [f64; 2] {
+    const KIND: &'static str = "two numbers";
 
     fn read(value: &Bound<'_, PyAny>) -> PyResult<Self> {
         value.extract()

@@ -1,6 +1,7 @@
 //! Colour: shape, sample type, encoding and alpha; converted to planes of linear, premultiplied `f32`.
 
 use super::errors::choice;
+use super::invalid_color::{self, InvalidColor, InvalidPixels};
 use super::run::{installed, simd};
 use super::samples::{SampleType, in_order, sample_type, view, with_sample_type};
 use crate::color::{Sample, Transfer};
@@ -86,22 +87,6 @@ pub fn color_shape(shape: &[usize]) -> PyResult<ColorShape> {
 
 /// Cell offsets are 32-bit integers: a padded frame must stay below 2^31 cells.
 const MAX_SIDE: usize = 32_768;
-
-/// Returns an error if some value is not finite; it says how many there are and where the first one is.
-fn refuse_infinite(planes: &[f32], size: Size) -> PyResult<()> {
-    for (c, plane) in planes.chunks(size.pixels()).enumerate() {
-        if let Some(first) = plane.iter().position(|v| !v.is_finite()) {
-            let bad = plane.iter().filter(|v| !v.is_finite()).count();
-            return Err(PyValueError::new_err(format!(
-                "color has {bad} values in channel {c} that are not finite (or too large for float32); \
-                 the first is at row {}, column {}",
-                first / size.width,
-                first % size.width
-            )));
-        }
-    }
-    Ok(())
-}
 
 /// The magnitude of a value as an integer. Integers are ordered like the magnitudes; those of NaN are above
 /// [`INFINITE`].
@@ -224,25 +209,28 @@ pub fn read_format(
     Ok(ColorFormat { sample_type, transfer, alpha, flat: shape.flat })
 }
 
-/// The planes of one layer, linear and premultiplied, and the largest magnitude in them.
+/// The planes of one layer, linear and premultiplied, the largest magnitude in them, and the pixels that were filled, if
+/// any.
 pub fn read_layer_color(
     array: &Bound<'_, PyUntypedArray>,
     shape: &ColorShape,
     layer: usize,
     format: &ColorFormat,
-) -> PyResult<(Buffer<f32>, f32)> {
+    invalid: InvalidColor,
+) -> PyResult<(Buffer<f32>, f32, Option<InvalidPixels>)> {
     let size = shape.size;
     let simd = simd()?;
-    let (mut planes, largest) = with_sample_type!(format.sample_type, T => view::<T, _>(array, |view| {
+    let (mut planes, mut largest) = with_sample_type!(format.sample_type, T => view::<T, _>(array, |view| {
         let view = if shape.layered { view.index_axis_move(Axis(0), layer) } else { view };
         in_order(&view, |samples| color_planes(samples, size, format, simd))
     }))??;
-    if largest >= INFINITE {
-        refuse_infinite(&planes, size)?;
+    let found = if largest >= INFINITE { invalid_color::find(&planes, size) } else { None };
+    if let (Some(found), InvalidColor::Raise) = (found, invalid) {
+        return Err(found.error(size));
     }
     if format.alpha != Alpha::None {
         let alpha = &planes[size.pixels() * (size.channels - 1)..];
-        if let Some(i) = alpha.iter().position(|a| !(0.0..=1.0 + 1e-3).contains(a)) {
+        if let Some(i) = alpha.iter().position(|a| a.is_finite() && !(0.0..=1.0 + 1e-3).contains(a)) {
             return Err(PyValueError::new_err(format!(
                 "color must have alpha from 0 to 1; got {} at row {}, column {}",
                 alpha[i],
@@ -254,5 +242,10 @@ pub fn read_layer_color(
     if format.alpha == Alpha::Straight {
         installed(|| scale_by_alpha(&mut planes, size, |v, a| v * a))?;
     }
-    Ok((planes, f32::from_bits(largest)))
+    // Premultiplied colours have means, where straight ones would count what nobody sees.
+    if found.is_some() {
+        installed(|| invalid_color::fill(&mut planes, size))??;
+        largest = planes.iter().fold(0, |largest, v| magnitude(*v).max(largest));
+    }
+    Ok((planes, f32::from_bits(largest), found))
 }

@@ -2,6 +2,7 @@
 
 use super::color::{ColorFormat, brighter_than_usual, color_shape, read_format, read_layer_color};
 use super::depth::read_depth;
+use super::invalid_color::{InvalidColor, InvalidPixels};
 use super::run::installed;
 use super::samples::array;
 use crate::depth::{DepthKind, Invalid, Rays, disparity_plane};
@@ -19,6 +20,8 @@ pub struct Input {
     pub format: ColorFormat,
     /// The factor by which the given colours are brighter than the rendered ones; a power of two.
     pub brighter: f32,
+    /// Number of pixels whose colour was invalid and is the mean of those around.
+    pub filled_pixels: usize,
     /// Colour planes of each layer.
     color: Vec<Arc<Buffer<f32>>>,
     /// Raw depth of each layer.
@@ -32,6 +35,7 @@ impl Input {
         depth: &Bound<'_, PyAny>,
         alpha: Option<&str>,
         transfer: Option<&str>,
+        invalid: InvalidColor,
     ) -> PyResult<Input> {
         let array = &array("color", color)?;
         let shape = color_shape(array.shape())?;
@@ -44,19 +48,26 @@ impl Input {
                 (planes.planes.len(), planes.height, planes.width)
             )));
         }
-        let (mut color, largest): (Vec<_>, Vec<_>) = (0..shape.layers)
-            .map(|layer| read_layer_color(array, &shape, layer, &format))
-            .collect::<PyResult<Vec<_>>>()?
-            .into_iter()
-            .unzip();
-        let brighter = brighter_than_usual(largest.into_iter().fold(0.0, f32::max));
+        let (mut largest, mut filled) = (0.0, None);
+        let mut color = Vec::new();
+        for layer in 0..shape.layers {
+            let (planes, of_layer, found) = read_layer_color(array, &shape, layer, &format, invalid)?;
+            color.push(planes);
+            largest = of_layer.max(largest);
+            filled = [filled, found].into_iter().flatten().reduce(InvalidPixels::and);
+        }
+        if let Some(filled) = filled {
+            filled.warn(array.py(), shape.size)?;
+        }
+        let brighter = brighter_than_usual(largest);
         if brighter > 1.0 {
             let lights = format.lights(shape.size) * shape.size.pixels();
             let planes = color.iter_mut().map(|planes| &mut planes[..lights]);
             planes.for_each(|planes| planes.iter_mut().for_each(|v| *v /= brighter));
         }
         let color = color.into_iter().map(Arc::new).collect();
-        Ok(Input { size: shape.size, format, brighter, color, depth: planes.planes })
+        let filled_pixels = filled.map_or(0, |filled| filled.count);
+        Ok(Input { size: shape.size, format, brighter, filled_pixels, color, depth: planes.planes })
     }
 
     /// The number of layers.

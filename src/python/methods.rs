@@ -6,6 +6,7 @@ use super::errors::{choice, shown};
 use crate::aperture::{Aperture, Feature};
 use crate::error::{Result, value_error};
 use crate::method::Method;
+use crate::optics::MaxRadius;
 use crate::plan::lens;
 use crate::plan::{gaussian, hexagonal, levels, poisson, sprites, taps};
 use numpy::PyReadonlyArray2;
@@ -40,18 +41,21 @@ pub fn methods_available() -> Vec<&'static str> {
     METHODS.iter().map(|(name, _)| *name).collect()
 }
 
-/// The method of this name with these options; an option that it does not have is an error.
+/// The method of this name with these options; an option that it does not have is an error. Returns also the bound on
+/// radii, unless it is a setting of the method, which then keeps it.
 pub fn read_method(
     name: &str,
     aperture: Option<&PyAperture>,
+    max_coc_px: Option<f64>,
     given: Option<&Bound<'_, PyDict>>,
-) -> PyResult<Method> {
+) -> PyResult<(Method, Option<MaxRadius>)> {
     let (read, features) = choice("method", name, &METHODS)?;
     refuse_features(name, aperture, features)?;
-    let mut options = Options { method: name, aperture, given, known: Vec::new() };
+    let max_radius = max_coc_px.map(MaxRadius::new).transpose()?;
+    let mut options = Options { method: name, aperture, max_radius, given, known: Vec::new() };
     let method = read(&mut options)?;
     options.refuse_others()?;
-    Ok(method)
+    Ok((method, options.max_radius))
 }
 
 /// Refuses apertures that the method cannot render.
@@ -101,7 +105,7 @@ fn read_poisson(options: &mut Options) -> PyResult<Method> {
             poisson::Pattern::over(&options.aperture(), count, bokeh.unwrap_or(poisson::Bokeh::Uniform))?
         }
     };
-    let max_coc_px = options.value("max_coc_px")?.unwrap_or(poisson::Settings::MAX_COC_PX);
+    let max_coc_px = options.take_max_coc_px().unwrap_or(poisson::Settings::MAX_COC_PX);
     let leak_test = options.word("leak_test", &poisson::LeakTest::NAMES)?.unwrap_or(poisson::LeakTest::On);
     Ok(Method::Poisson(poisson::Settings::new(pattern, max_coc_px, leak_test)?))
 }
@@ -132,8 +136,7 @@ fn read_points(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 3]>> 
 
 fn read_gaussian(options: &mut Options) -> PyResult<Method> {
     let focal_range = options.value("focal_range")?;
-    let max_coc_px = options.value("max_coc_px")?;
-    Ok(Method::Gaussian(gaussian::Settings::new(focal_range, max_coc_px)?))
+    Ok(Method::Gaussian(gaussian::Settings::new(focal_range, options.take_max_coc_px())?))
 }
 
 fn read_taps(options: &mut Options) -> PyResult<Method> {
@@ -143,7 +146,7 @@ fn read_taps(options: &mut Options) -> PyResult<Method> {
 }
 
 fn read_hexagonal(options: &mut Options) -> PyResult<Method> {
-    let max_coc_px = options.value("max_coc_px")?.unwrap_or(hexagonal::Settings::MAX_COC_PX);
+    let max_coc_px = options.take_max_coc_px().unwrap_or(hexagonal::Settings::MAX_COC_PX);
     let aperture = options.aperture.map(|a| &a.core);
     Ok(Method::Hexagonal(hexagonal::Settings::new(aperture, max_coc_px)?))
 }
@@ -163,7 +166,7 @@ fn read_sprites(options: &mut Options) -> PyResult<Method> {
         Some((width, values)) => sprites::Shape::Texture(sprites::Texture::new(width, values)?),
     };
     let threshold_px = options.value("coc_threshold_px")?.unwrap_or(sprites::Settings::THRESHOLD_PX);
-    let max_coc_px = options.value("max_coc_px")?.unwrap_or(sprites::Settings::MAX_COC_PX);
+    let max_coc_px = options.take_max_coc_px().unwrap_or(sprites::Settings::MAX_COC_PX);
     Ok(Method::Sprites(sprites::Settings::new(shape, threshold_px, max_coc_px)?))
 }
 
@@ -171,6 +174,8 @@ fn read_sprites(options: &mut Options) -> PyResult<Method> {
 struct Options<'a, 'py> {
     method: &'a str,
     aperture: Option<&'a PyAperture>,
+    /// The bound on radii, until the method takes it for a setting.
+    max_radius: Option<MaxRadius>,
     given: Option<&'a Bound<'py, PyDict>>,
     known: Vec<&'static str>,
 }
@@ -208,6 +213,11 @@ impl<'py> Options<'_, 'py> {
         Ok(Some((array.ncols(), array.iter().copied().collect())))
     }
 
+    /// The bound on radii in pixels, which is from then on the method's to keep.
+    fn take_max_coc_px(&mut self) -> Option<f64> {
+        self.max_radius.take().map(MaxRadius::px)
+    }
+
     /// The shape of the opening.
     fn aperture(&self) -> Aperture {
         self.aperture.map_or(Aperture::DISC, |a| a.core.clone())
@@ -218,10 +228,13 @@ impl<'py> Options<'_, 'py> {
         for name in self.given.iter().flat_map(|given| given.keys()) {
             let name: String = name.extract()?;
             if !self.known.contains(&name.as_str()) {
+                let has = match self.known.as_slice() {
+                    [] => "none of its own".to_owned(),
+                    known => known.join(", "),
+                };
                 return Err(PyTypeError::new_err(format!(
-                    "{name} is not an option of method={:?}, which has {}",
-                    self.method,
-                    self.known.join(", ")
+                    "{name} is not an option of method={:?}, which has {has}",
+                    self.method
                 )));
             }
         }

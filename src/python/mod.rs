@@ -10,6 +10,7 @@ mod devices;
 mod errors;
 mod files;
 mod input;
+mod invalid_color;
 mod lens;
 mod methods;
 mod output;

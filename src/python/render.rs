@@ -39,6 +39,9 @@ use pyo3::types::PyDict;
 ///     as `near`. Either may be infinite.
 /// invalid : {"raise", "far"}, optional
 ///     What to do with depth that is none (NaN, negative, zero).
+/// invalid_color : {"raise", "fill"}, optional
+///     What to do with pixels of which a channel is NaN or infinite: refuse the picture, or give them the mean of the valid
+///     pixels around them; a warning then says how many.
 /// alpha : {"premultiplied", "straight", "none"}, optional
 ///     What the last of 4 (or 2) channels is; premultiplied coverage is the default for 4.
 /// transfer : {"linear", "srgb"}, optional
@@ -48,6 +51,13 @@ use pyo3::types::PyDict;
 ///     view is that of the output.
 /// supersample : int, optional
 ///     The picture is this many times larger than the output along each axis, sampled at its pixels' centres.
+/// in_focus : tuple of float, optional
+///     A range in focus in place of the lens's own focus: short for ``lens.replace(in_focus=...)``, see `Lens`.
+/// max_coc_px : float, optional
+///     The largest radius of circles of confusion, in pixels of `color`. What would have a larger one is drawn with this
+///     one, so that a depth that is far too near neither spreads over the picture nor refuses it. Blur of axial colour
+///     is added to it. Without it ``"lens"`` refuses radii of more than 2048 pixels, and some methods have a bound of
+///     their own; see the notes.
 /// threads : int, optional
 ///     Worker threads; one per processor by default. The result does not depend on it.
 /// out : ndarray, optional
@@ -86,8 +96,7 @@ use pyo3::types::PyDict;
 ///   and weights, where the pixel's own is 1. The pattern is turned by 180 degrees behind the focus plane.
 /// - ``bokeh``, "uniform" (default), "ring", "gaussian" or "inverse": where light falls within a blurred point:
 ///   evenly, on the rim alone, more in the middle, or more towards the rim.
-/// - ``max_coc_px``, float: the radius that circles of confusion are limited to, by default 5 pixels. Twelve taps do
-///   not fill a larger one.
+/// - `max_coc_px` is 5 pixels by default. Twelve taps do not fill a larger circle.
 /// - ``leak_test``, "on" (default) or "off": whether taps in front of a pixel count by their own blurriness, so that
 ///   what is sharp does not leak onto what is blurred behind it.
 ///
@@ -95,8 +104,8 @@ use pyo3::types::PyDict;
 /// the second half of the same article. What is sharp does not spread. Its tables weigh the middle row and column of
 /// the blur more than their neighbours, which shows as a cross where a very bright point is.
 ///
-/// - ``max_coc_px``, float: the radius of the circle of confusion from which on blurriness is 1, by default the 24
-///   pixels of a disc that spreads light as far as the blur does.
+/// - `max_coc_px` is the radius from which on blurriness is 1, by default the 24 pixels of a disc that spreads light as
+///   far as the blur does.
 /// - ``focal_range``, float: instead, the distance in metres from the focus plane from which on it is 1.
 ///
 /// ``"taps"`` makes a few look-ups at fixed places up to two pixels away, each mixed with the centre by the product
@@ -114,8 +123,7 @@ use pyo3::types::PyDict;
 /// blades; without it, the hexagon has a corner straight up. The article's circle of confusion on a z-buffer,
 /// ``z * CoCScale + CoCBias``, is ``depth_kind="zbuffer"`` with `near` and `far` and a lens of `Lens.from_camera`.
 ///
-/// - ``max_coc_px``, float: circles of confusion are cut at this radius, 1 to 256; 64 by default. Time grows with the
-///   largest radius there is.
+/// - `max_coc_px` is from 1 to 256, and 64 by default. Time grows with the largest radius there is.
 ///
 /// ``"levels"`` interpolates between the picture and two of five blurs in a row; after "Depth of Field: Controlling
 /// Camera Parameters" (NVIDIA, 2004). It knows nothing of edges: what is sharp leaks into what is blurred.
@@ -132,7 +140,7 @@ use pyo3::types::PyDict;
 ///   `aperture`; turned by 180 degrees in front of the focus.
 /// - ``coc_threshold_px``, float: the radius above which a pixel is drawn, at least 0.5; 1 by default. Pixels set in
 ///   between it and twice that.
-/// - ``max_coc_px``, float: circles of confusion are cut at this radius, 1 to 256; 64 by default.
+/// - `max_coc_px` is from 1 to 256, and 64 by default.
 ///
 /// Examples
 /// --------
@@ -145,8 +153,8 @@ use pyo3::types::PyDict;
 /// (48, 64, 3)
 #[pyfunction]
 #[pyo3(signature = (color, depth, lens, *, method="lens", device="auto", aperture=None, depth_kind="z", near=None,
-    far=None, invalid="raise", alpha=None, transfer=None, overscan=0, supersample=1, threads=None, out=None,
-    **options))]
+    far=None, invalid="raise", invalid_color="raise", alpha=None, transfer=None, overscan=0, supersample=1,
+    in_focus=None, max_coc_px=None, threads=None, out=None, **options))]
 #[expect(clippy::too_many_arguments, reason = "the public function's own, keyword-only in Python")]
 pub fn render<'py>(
     py: Python<'py>,
@@ -160,15 +168,19 @@ pub fn render<'py>(
     #[pyo3(from_py_with = argument::near)] near: Option<f64>,
     #[pyo3(from_py_with = argument::far)] far: Option<f64>,
     invalid: &str,
+    invalid_color: &str,
     alpha: Option<&str>,
     transfer: Option<&str>,
     #[pyo3(from_py_with = argument::overscan)] overscan: usize,
     #[pyo3(from_py_with = argument::supersample)] supersample: usize,
+    #[pyo3(from_py_with = argument::in_focus)] in_focus: Option<[f64; 2]>,
+    #[pyo3(from_py_with = argument::max_coc_px)] max_coc_px: Option<f64>,
     #[pyo3(from_py_with = argument::threads)] threads: Option<usize>,
     out: Option<&Bound<'py, PyAny>>,
     options: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let method = read_method(method, aperture, options)?;
+    let method = read_method(method, aperture, max_coc_px, options)?;
+    let lens = lens.with_range(in_focus)?;
     let scene = PyScene::new(
         color,
         depth,
@@ -177,10 +189,11 @@ pub fn render<'py>(
         near,
         far,
         invalid,
+        invalid_color,
         alpha,
         transfer,
         overscan,
         supersample,
     )?;
-    scene.picture(py, &lens.core, &method, threads, out)
+    scene.picture(py, &lens, &method, threads, out)
 }

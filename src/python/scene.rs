@@ -7,7 +7,9 @@ use super::depth::{DepthArguments, read_depth_arguments, read_depth_kind, read_i
 use super::devices::read_device;
 use super::errors::DeviceError;
 use super::input::Input;
+use super::invalid_color::read_invalid_color;
 use super::lens::PyLens;
+use super::lens::focus::Focus;
 use super::methods::read_method;
 use super::output::Output;
 use super::output_grid::OutputGrid;
@@ -15,7 +17,7 @@ use super::run::simd;
 use crate::depth::{DepthKind, Invalid, Rays};
 use crate::device::Device;
 use crate::method::Method;
-use crate::optics::{Base, Imaging, Lens};
+use crate::optics::{Imaging, Lens, MaxRadius};
 use crate::picture::Size;
 use crate::renderer::{PassTime, Renderer};
 use pyo3::exceptions::{PyTypeError, PyValueError};
@@ -29,7 +31,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// ----------
 /// color, depth
 ///     As in `render`.
-/// device, depth_kind, near, far, invalid, alpha, transfer, overscan, supersample
+/// device, depth_kind, near, far, invalid, invalid_color, alpha, transfer, overscan, supersample
 ///     As in `render`.
 ///
 /// Raises
@@ -90,17 +92,17 @@ impl PyScene {
         py: Python<'py>,
         lenses: &[Lens],
         stacked: Option<usize>,
-        method: &Method,
+        (method, max_radius): &(Method, Option<MaxRadius>),
         threads: Option<usize>,
         out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<(Bound<'py, PyAny>, Vec<PassTime>)> {
         let size = self.input.size;
-        for lens in lenses.iter().take(1) {
+        for lens in lenses {
             method.check(lens, self.input.layers(), self.format().lights(size))?;
         }
         let geometry = self.grid.geometry(size);
-        let imagings: Vec<Imaging> =
-            lenses.iter().map(|lens| geometry.imaging(lens)).collect::<crate::error::Result<_>>()?;
+        let imaging = |lens| Ok(Imaging { max_radius: *max_radius, ..geometry.imaging(lens)? });
+        let imagings: Vec<Imaging> = lenses.iter().map(imaging).collect::<crate::error::Result<_>>()?;
         let renderer = self.renderer(&lenses[0])?;
         let (simd, device) = (simd()?, self.device);
         let rendered = self.grid.resolved(size);
@@ -121,7 +123,7 @@ impl PyScene {
         &self,
         py: Python<'py>,
         lens: &Lens,
-        method: &Method,
+        method: &(Method, Option<MaxRadius>),
         threads: Option<usize>,
         out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
@@ -133,7 +135,7 @@ impl PyScene {
 impl PyScene {
     #[new]
     #[pyo3(signature = (color, depth, *, device="auto", depth_kind="z", near=None, far=None, invalid="raise",
-        alpha=None, transfer=None, overscan=0, supersample=1))]
+        invalid_color="raise", alpha=None, transfer=None, overscan=0, supersample=1))]
     #[expect(clippy::too_many_arguments, reason = "the public constructor's own, keyword-only in Python")]
     pub fn new(
         color: &Bound<'_, PyAny>,
@@ -143,6 +145,7 @@ impl PyScene {
         #[pyo3(from_py_with = argument::near)] near: Option<f64>,
         #[pyo3(from_py_with = argument::far)] far: Option<f64>,
         invalid: &str,
+        invalid_color: &str,
         alpha: Option<&str>,
         transfer: Option<&str>,
         #[pyo3(from_py_with = argument::overscan)] overscan: usize,
@@ -151,19 +154,28 @@ impl PyScene {
         let device = read_device(color.py(), device)?;
         let kind = read_depth_arguments(&DepthArguments { depth_kind, near, far })?;
         let invalid = read_invalid(invalid)?;
-        let input = Input::read(color, depth, alpha, transfer)?;
+        let input = Input::read(color, depth, alpha, transfer, read_invalid_color(invalid_color)?)?;
         let grid = OutputGrid::new(input.size, overscan, supersample)?;
         let depth_arguments = (depth_kind.to_owned(), near, far);
         Ok(PyScene { input, grid, device, kind, depth_arguments, invalid, renderer: Mutex::new(None) })
     }
 
+    /// Number of pixels whose colour was NaN or infinite and was filled, as ``invalid_color="fill"`` asks for.
+    #[getter]
+    fn filled_pixels(&self) -> usize {
+        self.input.filled_pixels
+    }
+
     /// The scene through a lens.
+    ///
+    /// What does not depend on the focus is prepared once. `in_focus`, and `max_coc_px` where it bounds something, change
+    /// the depths: what is prepared then serves the next lens with the same focus and the same bound.
     ///
     /// Parameters
     /// ----------
     /// lens : Lens
     ///     The lens.
-    /// method, aperture, threads, out, **options
+    /// method, aperture, in_focus, max_coc_px, threads, out, **options
     ///     As in the function `render`.
     ///
     /// Returns
@@ -175,7 +187,8 @@ impl PyScene {
     /// ------
     /// ValueError, TypeError
     ///     If an argument cannot be used.
-    #[pyo3(signature = (lens, *, method="lens", aperture=None, threads=None, out=None, **options))]
+    #[pyo3(signature = (lens, *, method="lens", aperture=None, in_focus=None, max_coc_px=None, threads=None, out=None,
+        **options))]
     #[expect(clippy::too_many_arguments, reason = "the public method's own, keyword-only in Python")]
     fn render<'py>(
         &self,
@@ -183,12 +196,14 @@ impl PyScene {
         lens: &PyLens,
         method: &str,
         aperture: Option<&PyAperture>,
+        #[pyo3(from_py_with = argument::in_focus)] in_focus: Option<[f64; 2]>,
+        #[pyo3(from_py_with = argument::max_coc_px)] max_coc_px: Option<f64>,
         #[pyo3(from_py_with = argument::threads)] threads: Option<usize>,
         out: Option<&Bound<'py, PyAny>>,
         options: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let method = read_method(method, aperture, options)?;
-        self.picture(py, &lens.core, &method, threads, out)
+        let method = read_method(method, aperture, max_coc_px, options)?;
+        self.picture(py, &lens.with_range(in_focus)?, &method, threads, out)
     }
 
     /// The scene through one lens focused at many distances.
@@ -200,8 +215,9 @@ impl PyScene {
     /// lens : Lens
     ///     The lens; its own focus does not matter.
     /// distances : sequence of float
-    ///     Distances in focus in metres (disparities for a lens made by `Lens.from_disparity`).
-    /// method, aperture, threads, out, **options
+    ///     Distances in focus in metres (disparities for a lens made by `Lens.from_disparity`); a pair is a range in focus,
+    ///     as `in_focus` of `Lens`.
+    /// method, aperture, max_coc_px, threads, out, **options
     ///     As in the function `render`.
     ///
     /// Returns
@@ -213,7 +229,8 @@ impl PyScene {
     /// ------
     /// ValueError, TypeError
     ///     If an argument cannot be used.
-    #[pyo3(signature = (lens, distances, *, method="lens", aperture=None, threads=None, out=None, **options))]
+    #[pyo3(signature = (lens, distances, *, method="lens", aperture=None, max_coc_px=None, threads=None, out=None,
+        **options))]
     #[expect(clippy::too_many_arguments, reason = "the public method's own, keyword-only in Python")]
     fn focal_stack<'py>(
         &self,
@@ -222,12 +239,13 @@ impl PyScene {
         distances: &Bound<'py, PyAny>,
         method: &str,
         aperture: Option<&PyAperture>,
+        #[pyo3(from_py_with = argument::max_coc_px)] max_coc_px: Option<f64>,
         #[pyo3(from_py_with = argument::threads)] threads: Option<usize>,
         out: Option<&Bound<'py, PyAny>>,
         options: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let method = read_method(method, aperture, options)?;
-        let distances: Vec<f64> = distances
+        let method = read_method(method, aperture, max_coc_px, options)?;
+        let distances: Vec<Focus> = distances
             .try_iter()
             .map_err(|_| PyTypeError::new_err("distances must be a sequence of numbers"))?
             .map(|distance| argument("each of distances", &distance?))
@@ -235,13 +253,7 @@ impl PyScene {
         if distances.is_empty() {
             return Err(PyValueError::new_err("distances must hold at least one distance"));
         }
-        let focused = distances.iter().map(|&distance| match lens.core.base {
-            Base::Thin { aperture_radius, fov, fov_axis, .. } => {
-                let lens_there = Lens::thin(aperture_radius, distance, fov, fov_axis)?;
-                lens_there.mounted(lens.core.mount)?.with_aberrations(lens.core.aberrations)
-            }
-            Base::Relative { .. } => lens.core.focused_at_disparity(distance),
-        });
+        let focused = distances.iter().map(|focus| focus.of(&lens.core));
         let lenses = focused.collect::<crate::error::Result<Vec<_>>>()?;
         Ok(self.rendered(py, &lenses, Some(lenses.len()), &method, threads, out)?.0)
     }
@@ -250,7 +262,7 @@ impl PyScene {
     ///
     /// Parameters
     /// ----------
-    /// lens, method, aperture, threads, **options
+    /// lens, method, aperture, in_focus, max_coc_px, threads, **options
     ///     As in the function `render`.
     ///
     /// Returns
@@ -265,19 +277,23 @@ impl PyScene {
     ///     If an argument cannot be used.
     /// DeviceError
     ///     If the render is done on the CPU, or the GPU keeps no time.
-    #[pyo3(signature = (lens, *, method="lens", aperture=None, threads=None, **options))]
+    #[pyo3(signature = (lens, *, method="lens", aperture=None, in_focus=None, max_coc_px=None, threads=None,
+        **options))]
+    #[expect(clippy::too_many_arguments, reason = "the public method's own, keyword-only in Python")]
     fn profile(
         &self,
         py: Python<'_>,
         lens: &PyLens,
         method: &str,
         aperture: Option<&PyAperture>,
+        #[pyo3(from_py_with = argument::in_focus)] in_focus: Option<[f64; 2]>,
+        #[pyo3(from_py_with = argument::max_coc_px)] max_coc_px: Option<f64>,
         #[pyo3(from_py_with = argument::threads)] threads: Option<usize>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Vec<(&'static str, f64)>> {
-        let method = read_method(method, aperture, options)?;
-        let lens = std::slice::from_ref(&lens.core);
-        let (_, passes) = self.rendered(py, lens, None, &method, threads, None)?;
+        let method = read_method(method, aperture, max_coc_px, options)?;
+        let lens = lens.with_range(in_focus)?;
+        let (_, passes) = self.rendered(py, &[lens], None, &method, threads, None)?;
         let mut times: Vec<(&'static str, f64)> = Vec::new();
         for pass in passes {
             let ms = 1e3 * pass.seconds;

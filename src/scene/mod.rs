@@ -19,8 +19,8 @@ mod matting;
 
 use crate::cancel::Cancel;
 use crate::error::{Result, value_error};
-use crate::optics::{FocusSurface, Optics};
-use crate::picture::Picture;
+use crate::optics::{DisparityMap, Optics};
+use crate::picture::{Picture, Size};
 use crate::simd::Simd;
 use layered::LayeredScene;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -28,8 +28,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// The largest radius of the circle of confusion that is rendered, in pixels.
 const MAX_RADIUS_PX: f64 = 2048.0;
 
-/// The strength of a lens and its focus surface, with the layers that were prepared for both.
-type Prepared = (f64, FocusSurface, Arc<LayeredScene>);
+/// The strength of a lens and a picture with mapped disparity, with the layers that were prepared for both.
+type Prepared = (f64, Arc<Picture>, Arc<LayeredScene>);
 
 /// A picture, and the data that have been prepared from it.
 pub struct Scene {
@@ -38,8 +38,8 @@ pub struct Scene {
     pub(crate) lights: usize,
     /// Pixels of the picture per pixel of the output, along each axis.
     pub(crate) supersample: usize,
-    /// The picture with the focus surface subtracted from its depth, for the focus surface last used.
-    flattened: Mutex<Option<(FocusSurface, Arc<Picture>)>>,
+    /// The picture with mapped disparity, for the map last used.
+    mapped: Mutex<Option<(DisparityMap, Arc<Picture>)>>,
     /// The layers for the lens last used.
     layered: Mutex<Option<Prepared>>,
 }
@@ -49,44 +49,44 @@ impl Scene {
     /// hold light.
     pub fn new(picture: Picture, lights: usize, supersample: usize) -> Scene {
         let picture = Arc::new(picture);
-        Scene { picture, lights, supersample, flattened: Mutex::new(None), layered: Mutex::new(None) }
+        Scene { picture, lights, supersample, mapped: Mutex::new(None), layered: Mutex::new(None) }
     }
 
-    /// The picture for which this focus surface is a plane that faces the camera.
+    /// The picture with its disparity mapped: that of a plain lens.
     ///
     /// No lock is ever held over parallel work: a worker that waits inside it may be handed another render of the
     /// same scene, and would wait for itself.
-    pub(crate) fn flattened(&self, surface: &FocusSurface) -> Arc<Picture> {
-        if surface.is_facing() {
+    pub(crate) fn mapped(&self, map: &DisparityMap) -> Arc<Picture> {
+        let layers = &self.picture.layers;
+        if layers.iter().all(|layer| map.keeps(|| layer.disparity_range())) {
             return Arc::clone(&self.picture);
         }
         // A poisoned lock only means that another render was interrupted; its content is either whole or absent.
-        let cached = || self.flattened.lock().unwrap_or_else(PoisonError::into_inner);
-        let at_hand = cached().as_ref().filter(|(own, _)| own == surface).map(|(_, p)| Arc::clone(p));
+        let cached = || self.mapped.lock().unwrap_or_else(PoisonError::into_inner);
+        let at_hand = cached().as_ref().filter(|(own, _)| own == map).map(|(_, p)| Arc::clone(p));
         at_hand.unwrap_or_else(|| {
-            let picture = Arc::new(self.picture.less(|x, y| surface.offset(x, y)));
-            *cached() = Some((*surface, Arc::clone(&picture)));
+            let picture = Arc::new(self.picture.with_disparity(|x, y, d| map.at(x, y, d)));
+            *cached() = Some((*map, Arc::clone(&picture)));
             picture
         })
     }
 
-    /// The layers of the flattened picture for this lens. They are rebuilt if the cached ones are for another lens.
+    /// The layers of a [mapped](Self::mapped) picture for this lens. They are rebuilt if the cached ones are for another lens.
     pub(crate) fn layered(
         &self,
-        picture: &Picture,
-        surface: &FocusSurface,
+        picture: &Arc<Picture>,
         optics: &Optics,
         simd: Simd,
         cancel: &Cancel,
     ) -> Result<Arc<LayeredScene>> {
         let cached = || self.layered.lock().unwrap_or_else(PoisonError::into_inner);
-        let fits = |(k, own, _): &&Prepared| *k == optics.k && own == surface;
+        let fits = |(k, own, _): &&Prepared| *k == optics.k && Arc::ptr_eq(own, picture);
         let at_hand = cached().as_ref().filter(fits).map(|(_, _, layered)| Arc::clone(layered));
         check_radius(picture, optics)?;
         at_hand.map_or_else(
             || {
                 let layered = Arc::new(layered::build(picture, optics.k, simd, cancel)?);
-                *cached() = Some((optics.k, *surface, Arc::clone(&layered)));
+                *cached() = Some((optics.k, Arc::clone(picture), Arc::clone(&layered)));
                 Ok(layered)
             },
             Ok,
@@ -96,13 +96,29 @@ impl Scene {
 
 /// Refuses a lens whose largest circle of confusion exceeds [`MAX_RADIUS_PX`].
 fn check_radius(picture: &Picture, optics: &Optics) -> Result<()> {
-    let radii = picture.layers.iter().map(|layer| optics.largest_radius_px(layer.disparity_range()));
-    let radius = radii.fold(0.0, f64::max);
-    if radius.is_nan() || radius > MAX_RADIUS_PX {
-        return Err(value_error!(
-            "lens: the largest circle of confusion would have a radius of {radius:.0} px; at most \
-             {MAX_RADIUS_PX} px are rendered. Use a smaller aperture, or look for depths that are too near"
-        ));
+    let too_large = |shift: &f64| shift.is_nan() || shift.abs() > MAX_RADIUS_PX;
+    if !picture.layers.iter().any(|layer| too_large(&optics.largest_radius_px(layer.disparity_range()))) {
+        return Ok(());
     }
-    Ok(())
+    let shifts = picture.layers.iter().flat_map(|layer| &layer.disparity[..]);
+    let shifts = shifts.map(|d| optics.shift_px(f64::from(*d)));
+    let refused: Vec<(usize, f64)> = shifts.enumerate().filter(|(_, shift)| too_large(shift)).collect();
+    let Some(&(first, shift)) = refused.first() else { return Ok(()) };
+    let side = match refused.iter().filter(|(_, shift)| *shift > 0.0).count() {
+        0 => "too far behind the focus",
+        near if near == refused.len() => "too near",
+        _ => "too near or too far behind the focus",
+    };
+    let Size { width, .. } = picture.size;
+    let place = first % picture.size.pixels();
+    Err(value_error!(
+        "depth has {} of {} values that are {side} for this lens: their circles of confusion would have a radius of \
+         more than {MAX_RADIUS_PX} px; the first, of {:.0} px, is at row {}, column {}. Pass max_coc_px to bound the \
+         radius, use a smaller aperture, or correct these depths",
+        refused.len(),
+        picture.layers.len() * picture.size.pixels(),
+        shift.abs(),
+        place / width,
+        place % width
+    ))
 }

@@ -176,7 +176,7 @@ def apertures(draw):
 
 
 OPTIONS: dict[str, dict[str, st.SearchStrategy[Any]]] = {
-    "lens": {"views": st.integers(16, 128)},
+    "lens": {"views": st.integers(16, 128), "max_coc_px": st.floats(0.5, 40)},
     "poisson": {
         "taps": st.integers(1, 128),
         "bokeh": st.sampled_from(["uniform", "ring", "gaussian", "inverse"]),
@@ -185,10 +185,11 @@ OPTIONS: dict[str, dict[str, st.SearchStrategy[Any]]] = {
     },
     "gaussian": {"max_coc_px": st.floats(0.5, 60), "focal_range": st.floats(0.1, 10)},
     "hexagonal": {"max_coc_px": st.floats(1, 40)},
-    "levels": {"c0_px": st.floats(0.5, 40)},
+    "levels": {"c0_px": st.floats(0.5, 40), "max_coc_px": st.floats(0.5, 40)},
     "taps": {
         "variant": st.sampled_from(["thirteen", "seven", "six", "four", "four_rings"]),
         "hyperfocal_factor": st.floats(0.01, 2),
+        "max_coc_px": st.floats(0.5, 40),
     },
     "sprites": {"coc_threshold_px": st.floats(0.5, 4), "max_coc_px": st.floats(1, 30)},
 }

@@ -4,6 +4,7 @@ import dofsim
 import numpy as np
 from both_devices import AGREEMENT, LENS_AGREEMENT
 from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from properties.conftest import CASES
 from properties.strategies import Call, calls, plain_calls
@@ -61,3 +62,22 @@ def test_a_scene_renders_what_the_function_does(gpu, call: Call):
     expected = call.render(device=gpu)
     for _ in range(2):
         np.testing.assert_array_equal(scene.render(call.lens, **call.options), expected)
+
+
+@few
+@given(plain_calls())
+def test_the_layout_in_memory_changes_no_bit(gpu, call: Call):
+    color, depth = (np.array(array, np.float32, order="C") for array in (call.color, call.depth))
+    there = call.render(device=gpu)
+    np.testing.assert_array_equal(there, call.render(color=color, depth=depth, device=gpu))
+
+
+@few
+@given(plain_calls(), st.integers(0, 80))
+def test_out_may_overlap_the_picture(gpu, call: Call, offset):
+    expected = call.render(device=gpu)
+    memory = np.zeros(call.color.size + offset, np.float32)
+    color, out = (memory[first:][: call.color.size].reshape(call.color.shape) for first in (0, offset))
+    color[...] = call.color
+    call.render(color=color, out=out, device=gpu)
+    np.testing.assert_array_equal(out, expected)

@@ -95,17 +95,3 @@ def _remove(file: int, path: Path) -> None:
     os.ftruncate(file, 0)
     with suppress(PermissionError):
         path.unlink(missing_ok=True)
-
-
-def is_alive(process: int) -> bool:
-    """Tell whether there is a process of this number on this machine."""
-    if sys.platform == "win32":
-        # What a living process writes cannot be removed there.
-        return False
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    return True

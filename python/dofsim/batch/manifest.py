@@ -15,7 +15,7 @@ from dofsim import _options
 from dofsim._files import StrPath, check_regular
 from dofsim._names import shortened
 
-_LENS_WORDS = {*_options.THIN_WORDS, *_options.CAMERA_WORDS, *_options.RELATIVE_WORDS}
+_LENS_WORDS = {*_options.THIN_WORDS, *_options.CAMERA_WORDS, *_options.RELATIVE_WORDS, *_options.FOCUS_WORDS}
 _WORDS = {"color", "depth", "output", "focus_at", *_LENS_WORDS}
 
 
@@ -52,7 +52,8 @@ def read_manifest(path: StrPath) -> list[Row]:
     path : str or path-like
         A ``.csv`` file with a line of titles, or a ``.jsonl`` file with one object a line. Titles and keys
         are ``color``, and as wanted ``depth``, ``output``, ``focus_at`` (``"X,Y"``, ``"random"``, in JSON
-        also two numbers) and the words of a lens, such as ``focus_distance``. Empty cells and null are not
+        also two numbers) and the words of a lens, such as ``focus_distance`` or ``in_focus`` (``"NEAR,FAR"``,
+        likewise). Empty cells and null are not
         given. Paths are relative to the manifest; ``output`` is relative to the folder of the results and has
         no suffix, and is the path of the picture if not given.
 
@@ -149,9 +150,14 @@ def _name(given: dict[str, Any]) -> str:
     return name.as_posix()
 
 
-def _lens_value(name: str, value: Any) -> float | str:
+def _lens_value(name: str, value: Any) -> float | str | tuple[float, float]:
     if name in ("fov_axis", "sensor"):
         return str(value)
+    if name == "in_focus" and isinstance(value, str):
+        return _options.read_range(value)
+    if name == "in_focus":
+        near, far = value
+        return float(near), float(far)
     try:
         return float(value)
     except (TypeError, ValueError, OverflowError):

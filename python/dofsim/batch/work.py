@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 import dofsim
 from dofsim import _options, io
 from dofsim._dofsim import focusable_pixels
+from dofsim._focus import focused
 from dofsim._save import Alpha, SampleType
 
 from .frames import Frame, Result
@@ -23,7 +24,7 @@ from .records import fingerprint, is_done, write_record
 T = TypeVar("T")
 
 _DEPTH_WORDS = ("depth_kind", "near", "far")
-_SCENE_WORDS = ("device", *_DEPTH_WORDS, "invalid", "overscan", "supersample")
+_SCENE_WORDS = ("device", *_DEPTH_WORDS, "invalid", "invalid_color", "overscan", "supersample")
 # No frame after it can be written either, so this ends the run.
 _DISK_FULL = {errno.ENOSPC, errno.EDQUOT}
 
@@ -150,6 +151,9 @@ def render(loaded: Loaded) -> Rendered:
         words = _options.focused_words(words, pixel, depth, **kind)
         found["focus_at"] = pixel
     lens = _options.make_lens(words)
+    render_words = {name: value for name, value in frame.options.items() if name not in _SCENE_WORDS}
+    if (in_focus := render_words.pop("in_focus", None)) is not None:
+        lens = lens.replace(in_focus=in_focus)
     found["lens"] = words
 
     start = time.perf_counter()
@@ -162,11 +166,12 @@ def render(loaded: Loaded) -> Rendered:
         lenses |= slices
     if lenses:
         scene_words = {name: value for name, value in frame.options.items() if name in _SCENE_WORDS}
-        render_words = {name: value for name, value in frame.options.items() if name not in _SCENE_WORDS}
         scene = dofsim.Scene(image.to_linear(), depth, alpha=alpha, transfer="linear", **scene_words)
+        if scene.filled_pixels:
+            found["filled_pixels"] = scene.filled_pixels
         pixels |= {name: scene.render(one, **render_words) for name, one in lenses.items()}
     if {"coc", "mask"} & set(frame.outputs):
-        radius = _coc(lens, depth, frame, kind)
+        radius = _coc(lens, depth, frame, kind, max_coc_px=frame.options.get("max_coc_px"))
         sharp = np.abs(radius) <= frame.sharp_radius_px
         maps = {"coc": radius, "mask": np.where(sharp, np.uint8(255), np.uint8(0))}
         pixels |= {name: maps[name] for name in ("coc", "mask") if name in frame.outputs}
@@ -229,17 +234,24 @@ def _focusable(lens: dofsim.Lens, depth: NDArray[np.float32], kind: dict[str, An
 
 
 def _coc(
-    lens: dofsim.Lens, depth: NDArray[np.float32], frame: Frame, kind: dict[str, Any]
+    lens: dofsim.Lens,
+    depth: NDArray[np.float32],
+    frame: Frame,
+    kind: dict[str, Any],
+    max_coc_px: float | None = None,
 ) -> NDArray[np.float32]:
     if frame.options.get("overscan"):
         raise ValueError("coc, mask and stack are of the whole depth map and go with overscan=0 alone")
-    return dofsim.coc(depth, lens, **kind, invalid=frame.options.get("invalid", "raise"))
+    invalid = frame.options.get("invalid", "raise")
+    return dofsim.coc(depth, lens, **kind, invalid=invalid, max_coc_px=max_coc_px)
 
 
 def _stack(
     lens: dofsim.Lens, depth: NDArray[np.float32], frame: Frame, kind: dict[str, Any]
 ) -> dict[str, dofsim.Lens]:
     """Lenses focused from the nearest to the farthest depth, evenly spaced in disparity."""
+    # Of a range in focus, its middle: within the range no depth has a larger radius than another.
+    lens = focused(lens, _focus(lens))
     pixels = _focusable(lens, depth, kind)
     # The radius grows with the distance, whatever the kind of depth.
     radius = _coc(lens, depth, frame, kind).ravel()[pixels]
@@ -248,12 +260,12 @@ def _stack(
     share = np.linspace(0.0, 1.0, frame.slices) if frame.slices > 1 else np.array([0.5])
     if lens.focus is not None:
         between = _focus(near) + share * (_focus(far) - _focus(near))
-        lenses = [lens.replace(focus=float(disparity)) for disparity in between]
+        lenses = [focused(lens, float(disparity)) for disparity in between]
     else:
         between = 1.0 / _focus(near) + share * (1.0 / _focus(far) - 1.0 / _focus(near))
         # Disparity zero is the infinite distance.
         with np.errstate(divide="ignore"):
-            lenses = [lens.replace(focus_distance=float(distance)) for distance in 1.0 / between]
+            lenses = [focused(lens, float(distance)) for distance in 1.0 / between]
     return {f"focus-{index:02}": one for index, one in enumerate(lenses)}
 
 

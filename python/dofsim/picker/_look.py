@@ -56,20 +56,34 @@ class Look:
         reduced: int,
         alpha: Literal["premultiplied", "none"],
         device: str,
+        invalid_color: Literal["raise", "fill"],
         depth_words: dict[str, Any],
     ) -> Look:
         """Prepare linear colour (..., H, W, C) and depth (..., H, W), reduced by a whole factor."""
         color, depth = _mean_of_blocks(color, reduced), _middle_of_blocks(depth, reduced)
-        scene = dofsim.Scene(color, depth, alpha=alpha, device=device, **depth_words)
-        return cls(scene, _flat(color), _seen(color, depth), reduced, depth_words)
+        scene = dofsim.Scene(
+            color, depth, alpha=alpha, device=device, invalid_color=invalid_color, **depth_words
+        )
+        # Where the scene has filled a pixel, there was nothing to be seen.
+        given = np.where(np.isfinite(color), color, 0.0) if scene.filled_pixels else color
+        return cls(scene, _flat(given), _seen(given, depth), reduced, depth_words)
 
     def _lens(self, lens: dofsim.Lens) -> dofsim.Lens:
         """Give the lens for pixels of this size: only strengths are counted in them."""
         return lens if lens.strength_px is None else lens.replace(strength_px=lens.strength_px / self.reduced)
 
-    def picture(self, lens: dofsim.Lens, aperture: dofsim.Aperture, **options: Any) -> NDArray[np.float32]:
+    def picture(
+        self,
+        lens: dofsim.Lens,
+        aperture: dofsim.Aperture,
+        *,
+        max_coc_px: float | None = None,
+        **options: Any,
+    ) -> NDArray[np.float32]:
         """Render what the lens sees, (H, W, 3) over black."""
-        return _flat(self.scene.render(self._lens(lens), aperture=aperture, **options))
+        # No method takes a bound below a pixel.
+        bound = None if max_coc_px is None else max(max_coc_px / self.reduced, min(max_coc_px, 1.0))
+        return _flat(self.scene.render(self._lens(lens), aperture=aperture, max_coc_px=bound, **options))
 
     def overlay(self, lens: dofsim.Lens, kind: Overlay) -> bytes | None:
         """Draw what lies over the picture, as a PNG with transparency."""

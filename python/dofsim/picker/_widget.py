@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import dofsim
 from dofsim import io
-from dofsim._blur import metres
+from dofsim._blur import in_focus
 
 from ._look import OVERLAYS, Look, png, reduction
 
@@ -44,10 +44,13 @@ class FocusPicker(anywidget.AnyWidget):  # type: ignore[misc, unused-ignore]
         The shape of the opening to begin with.
     device : str, optional
         Where to compute, as for `dofsim.render`.
-    depth_kind, near, far, invalid, alpha, transfer : optional
+    depth_kind, near, far, invalid, invalid_color, alpha, transfer : optional
         As for `dofsim.render`.
+    max_coc_px : float, optional
+        As for `dofsim.render`, in pixels of the given picture.
     **options
-        ``method`` and its options, ``threads``: as for `Scene.render`.
+        ``method`` and its options, ``threads``: as for `Scene.render`. A range in focus is a property of the
+        lens, which a click replaces.
 
     Attributes
     ----------
@@ -96,8 +99,10 @@ class FocusPicker(anywidget.AnyWidget):  # type: ignore[misc, unused-ignore]
         near: float | None = None,
         far: float | None = None,
         invalid: Literal["raise", "far"] = "raise",
+        invalid_color: Literal["raise", "fill"] = "raise",
         alpha: Literal["premultiplied", "straight", "none"] | None = None,
         transfer: Literal["linear", "srgb"] | None = None,
+        max_coc_px: float | None = None,
         **options: Any,
     ) -> None:
         if _opening(lens)[1] == 0.0:
@@ -105,12 +110,13 @@ class FocusPicker(anywidget.AnyWidget):  # type: ignore[misc, unused-ignore]
         self._color, self._alpha = _linear(np.asarray(color), np.asarray(depth), alpha, transfer)
         self._depth = np.asarray(depth)
         self._words: dict[str, Any] = {"depth_kind": depth_kind, "near": near, "far": far, "invalid": invalid}
-        self._device, self._options = device, options
+        self._device, self._invalid_color = device, invalid_color
+        self._options = {"max_coc_px": max_coc_px, **options}
         self._first_lens, self._first_aperture = lens, aperture or dofsim.Aperture()
         self._reduced = reduction(self._depth.shape)
         # What is wrong with the arguments is said here rather than at the first click.
         first = self._whole if self._reduced == 1 else self._preview
-        first.picture(lens, self._first_aperture, **options)
+        first.picture(lens, self._first_aperture, **self._options)
 
         height, width = self._depth.shape[-2:]
         blades = self._first_aperture.blades
@@ -149,6 +155,7 @@ class FocusPicker(anywidget.AnyWidget):  # type: ignore[misc, unused-ignore]
             reduced=reduced,
             alpha=self._alpha,
             device=self._device,
+            invalid_color=self._invalid_color,
             depth_words=self._words,
         )
 
@@ -228,11 +235,11 @@ class FocusPicker(anywidget.AnyWidget):  # type: ignore[misc, unused-ignore]
         if lens.focus_distance is None:
             name, size = _opening(lens)
             unit = "px" if name == "strength_px" else "% of the width"
-            return f"disparity {lens.focus:.3g} in focus, blur {size:.3g} {unit}"
+            return f"{in_focus(lens)} in focus, blur {size:.3g} {unit}"
         opening = f"{2e3 * lens.aperture_radius:.3g} mm wide"
         if lens.f_number is not None:
             opening = f"f/{lens.f_number:.2g}"
-        return f"focused at {metres(lens.focus_distance)}, {opening}"
+        return f"focused at {in_focus(lens)}, {opening}"
 
     def _repr_mimebundle_(self, **kwargs: Any) -> Any:
         """Give the widget, and a picture where scripts do not run."""

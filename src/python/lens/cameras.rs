@@ -8,11 +8,23 @@ use crate::optics::{FovAxis, Lens, Mount, SENSORS};
 use pyo3::conversion::FromPyObjectOwned;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
+use std::path::PathBuf;
 
 /// Sensors by name: their widths and heights in millimetres.
 #[pyfunction]
 pub fn sensors() -> Vec<(&'static str, f64, f64)> {
     SENSORS.iter().map(|(name, sensor)| (*name, sensor.width_mm, sensor.height_mm)).collect()
+}
+
+/// What is made of another program's camera; if it was in a file, what is wrong with it names the file.
+pub fn of_camera<T>(camera: &Bound<'_, PyAny>, make: impl FnOnce() -> PyResult<T>) -> PyResult<T> {
+    make().map_err(|error| {
+        let py = camera.py();
+        let about_it = error.is_instance_of::<PyValueError>(py) || error.is_instance_of::<PyTypeError>(py);
+        let Some(path) = camera.extract::<PathBuf>().ok().filter(|_| about_it) else { return error };
+        let (start, message) = (format!("{}: ", path.display()), error.value(py).to_string());
+        if message.starts_with(&start) { error } else { PyValueError::new_err(start + &message) }
+    })
 }
 
 /// The parameters of another program's camera, as `dofsim._cameras` reads them.
@@ -186,16 +198,18 @@ impl PyLens {
     /// Lens(aperture_radius=0.08, focus_distance=4.0, fov=42.0, fov_axis='x')
     #[staticmethod]
     fn from_mitsuba(sensor: &Bound<'_, PyAny>) -> PyResult<PyLens> {
-        let sensor: MitsubaSensor = read_camera("mitsuba_sensor", sensor)?;
-        let (fov, fov_axis) = match sensor.focal_length_mm {
-            // Mitsuba's focal lengths refer to 35 mm film, and are measured along its diagonal.
-            Some(mm) => (2.0 * (0.5 * 36f64.hypot(24.0) / mm).atan().to_degrees(), FovAxis::Diagonal),
-            None => (sensor.fov, choice("fov_axis", &sensor.fov_axis, &FovAxis::NAMES)?),
-        };
-        let lens = Lens::thin(sensor.aperture_radius, sensor.focus_distance, fov, fov_axis)?;
-        // The offsets give the displacement of the picture to the left and up; the axis is displaced with it.
-        let principal_point = sensor.principal_point_offset.map(|offset| -offset);
-        Ok(PyLens { core: lens.mounted(Mount { principal_point, ..Mount::PLAIN })? })
+        of_camera(sensor, || {
+            let sensor: MitsubaSensor = read_camera("mitsuba_sensor", sensor)?;
+            let (fov, fov_axis) = match sensor.focal_length_mm {
+                // Mitsuba's focal lengths refer to 35 mm film, and are measured along its diagonal.
+                Some(mm) => (2.0 * (0.5 * 36f64.hypot(24.0) / mm).atan().to_degrees(), FovAxis::Diagonal),
+                None => (sensor.fov, choice("fov_axis", &sensor.fov_axis, &FovAxis::NAMES)?),
+            };
+            let lens = Lens::thin(sensor.aperture_radius, sensor.focus_distance, fov, fov_axis)?;
+            // The offsets give the displacement of the picture to the left and up; the axis is displaced with it.
+            let principal_point = sensor.principal_point_offset.map(|offset| -offset);
+            Ok(PyLens { core: lens.mounted(Mount { principal_point, ..Mount::PLAIN })? })
+        })
     }
 
     /// The lens of a Blender camera.
@@ -225,25 +239,27 @@ impl PyLens {
     /// 0.01
     #[staticmethod]
     fn from_blender(camera: &Bound<'_, PyAny>) -> PyResult<PyLens> {
-        let camera: BlenderCamera = read_camera("blender_camera", camera)?;
-        let (lens_mm, fstop) = (camera.lens_mm, camera.fstop);
-        if !(lens_mm > 0.0 && fstop > 0.0) {
-            return Err(PyValueError::new_err(format!(
-                "lens and fstop must be greater than 0; got {lens_mm} and {fstop}"
-            )));
-        }
-        let fits = [
-            ("AUTO", (FovAxis::Larger, 36.0)),
-            ("HORIZONTAL", (FovAxis::X, 36.0)),
-            ("VERTICAL", (FovAxis::Y, 24.0)),
-        ];
-        let (fov_axis, default_mm) = choice("sensor_fit", &camera.sensor_fit, &fits)?;
-        let sensor_mm = camera.sensor_mm.unwrap_or(default_mm);
-        let fov = 2.0 * (0.5 * sensor_mm / lens_mm).atan().to_degrees();
-        // Blender divides the width of the opening by the ratio; here its longer half-axis is the radius.
-        let aperture_radius = lens_mm * 1e-3 / (2.0 * fstop * camera.aperture_ratio.min(1.0));
-        let lens = Lens::thin(aperture_radius, camera.focus_distance, fov, fov_axis)?;
-        Ok(PyLens { core: lens.mounted(Mount { sensor_mm: Some(sensor_mm), ..Mount::PLAIN })? })
+        of_camera(camera, || {
+            let camera: BlenderCamera = read_camera("blender_camera", camera)?;
+            let (lens_mm, fstop) = (camera.lens_mm, camera.fstop);
+            if !(lens_mm > 0.0 && fstop > 0.0) {
+                return Err(PyValueError::new_err(format!(
+                    "lens and fstop must be greater than 0; got {lens_mm} and {fstop}"
+                )));
+            }
+            let fits = [
+                ("AUTO", (FovAxis::Larger, 36.0)),
+                ("HORIZONTAL", (FovAxis::X, 36.0)),
+                ("VERTICAL", (FovAxis::Y, 24.0)),
+            ];
+            let (fov_axis, default_mm) = choice("sensor_fit", &camera.sensor_fit, &fits)?;
+            let sensor_mm = camera.sensor_mm.unwrap_or(default_mm);
+            let fov = 2.0 * (0.5 * sensor_mm / lens_mm).atan().to_degrees();
+            // Blender divides the width of the opening by the ratio; here its longer half-axis is the radius.
+            let aperture_radius = lens_mm * 1e-3 / (2.0 * fstop * camera.aperture_ratio.min(1.0));
+            let lens = Lens::thin(aperture_radius, camera.focus_distance, fov, fov_axis)?;
+            Ok(PyLens { core: lens.mounted(Mount { sensor_mm: Some(sensor_mm), ..Mount::PLAIN })? })
+        })
     }
 
     /// Focal length in millimetres; None if the sensor is not known.

@@ -1,6 +1,6 @@
 //! The focus of a lens: on pixels, on the nearest surface, on a mask, on a plane.
 
-use super::super::argument;
+use super::super::argument::{self, Argument};
 use super::super::depth::{DepthArguments, SeenDepth, read_seen_depth};
 use super::PyLens;
 use crate::error::{Result, value_error};
@@ -15,6 +15,37 @@ use pyo3::types::PyString;
 const OUTLIERS: f64 = 0.01;
 /// Side of the square that is the centre of the picture, relative to the picture's shorter side.
 const CENTRE: f64 = 0.1;
+
+/// What a picture of a focal stack has in focus.
+pub enum Focus {
+    /// A plane at a distance in metres, or at a relative disparity.
+    Plane(f64),
+    /// From the nearer end to the farther one.
+    Range([f64; 2]),
+}
+
+impl Argument for Focus {
+    const KIND: &'static str = "a number, or two for a range in focus";
+    const RANGE: &'static str = f64::RANGE;
+
+    fn read(value: &Bound<'_, PyAny>) -> PyResult<Self> {
+        value.extract().map(Focus::Range).or_else(|_| value.extract().map(Focus::Plane))
+    }
+}
+
+impl Focus {
+    /// The lens with this in focus.
+    pub fn of(&self, lens: &Lens) -> Result<Lens> {
+        match (self, lens.base) {
+            (&Focus::Range(range), _) => lens.focused_over(range),
+            (&Focus::Plane(distance), Base::Thin { aperture_radius, fov, fov_axis, .. }) => {
+                let there = Lens::thin(aperture_radius, distance, fov, fov_axis)?;
+                there.mounted(lens.mount)?.with_aberrations(lens.aberrations)
+            }
+            (&Focus::Plane(disparity), Base::Relative { .. }) => lens.focused_at_disparity(disparity),
+        }
+    }
+}
 
 /// A pixel by its column and row; negative numbers count from the end.
 fn pixel(x: isize, y: isize, seen: &SeenDepth) -> PyResult<(usize, usize)> {

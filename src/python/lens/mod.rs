@@ -5,6 +5,7 @@ pub mod focus;
 
 use super::argument;
 use super::errors::choice;
+use crate::error::Result;
 use crate::optics::{Aberrations, Base, FovAxis, Lens, Mount, Strength, Vignetting};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -31,11 +32,17 @@ pub fn hash_text(text: &str) -> u64 {
 /// aperture_radius : float
 ///     Radius of the opening in metres; 0 is a pinhole.
 /// focus_distance : float
-///     Distance of the plane in focus in metres, along the optical axis; may be infinite.
+///     Distance of the plane in focus in metres, along the optical axis; may be infinite. Of a lens with `in_focus` it is
+///     ``2 / (1/near + 1/far)``, the plane that blurs both ends of the range alike.
 /// fov : float
 ///     Field of view in degrees along `fov_axis`.
 /// fov_axis : {"x", "y", "diagonal", "smaller", "larger"}, optional
 ///     The side of the picture that `fov` spans.
+/// in_focus : tuple of float, optional
+///     In place of `focus_distance`, a range in focus: the distances in metres of its nearer and its farther end, which
+///     may be infinite. What lies within it is sharp, and the blur of the rest is measured from the end that is nearer
+///     to it. No real lens does that; it is for a face, a product or a group that has to be sharp all over. With `tilt`
+///     and `field_curvature` the ends are those on the optical axis.
 /// tilt : tuple of float, optional
 ///     Angles in degrees by which the plane in focus leans about a horizontal and about a vertical axis through the
 ///     point in focus on the optical axis: its top away from the camera, and its right side away from it.
@@ -72,7 +79,7 @@ pub fn hash_text(text: &str) -> u64 {
 /// With disparity ``d = 1/z`` the radius of the circle of confusion in pixels is
 /// ``aperture_radius * focal_px * |d - 1/focus_distance|``, where ``focal_px = (width/2) / tan(fov/2)``. It is
 /// linear in disparity, and what is in focus is a plane that faces the camera, unless `tilt` or `field_curvature` say
-/// otherwise. By Scheimpflug's rule a plane that leans by ``a`` is in focus when the lens is tilted by
+/// otherwise. With `in_focus` it is ``aperture_radius * focal_px * |d - clip(d, 1/far, 1/near)|``. By Scheimpflug's rule a plane that leans by ``a`` is in focus when the lens is tilted by
 /// ``atan(v * tan(a) / (u + v))``, where ``u`` and ``v`` are the distances of the focus and of the sensor.
 ///
 /// Examples
@@ -81,6 +88,8 @@ pub fn hash_text(text: &str) -> u64 {
 /// >>> lens = dofsim.Lens(aperture_radius=0.05, focus_distance=3.0, fov=42.0)
 /// >>> lens.replace(focus_distance=5.0, tilt=(60.0, 0.0))
 /// Lens(aperture_radius=0.05, focus_distance=5.0, fov=42.0, fov_axis='x', tilt=(60.0, 0.0))
+/// >>> lens.replace(in_focus=(2.0, 2.6))
+/// Lens(aperture_radius=0.05, in_focus=(2.0, 2.6), fov=42.0, fov_axis='x')
 #[pyclass(name = "Lens", module = "dofsim", frozen, eq)]
 #[derive(Debug, Clone, PartialEq)]
 pub struct PyLens {
@@ -95,15 +104,16 @@ type Triple = (f64, f64, f64);
 #[pymethods]
 impl PyLens {
     #[new]
-    #[pyo3(signature = (*, aperture_radius, focus_distance, fov, fov_axis="x", tilt=(0.0, 0.0), field_curvature=0.0,
-        axial_color=(0.0, 0.0, 0.0), lateral_color=(0.0, 0.0, 0.0), cat_eye=0.0, vignetting="none",
-        principal_point=(0.0, 0.0), sensor_mm=None, breathing_focal_length_mm=None))]
+    #[pyo3(signature = (*, aperture_radius, focus_distance=None, fov, fov_axis="x", in_focus=None,
+        tilt=(0.0, 0.0), field_curvature=0.0, axial_color=(0.0, 0.0, 0.0), lateral_color=(0.0, 0.0, 0.0),
+        cat_eye=0.0, vignetting="none", principal_point=(0.0, 0.0), sensor_mm=None, breathing_focal_length_mm=None))]
     #[expect(clippy::too_many_arguments, reason = "the public constructor's own, keyword-only in Python")]
     fn new(
         #[pyo3(from_py_with = argument::aperture_radius)] aperture_radius: f64,
-        #[pyo3(from_py_with = argument::focus_distance)] focus_distance: f64,
+        #[pyo3(from_py_with = argument::focus_distance)] focus_distance: Option<f64>,
         #[pyo3(from_py_with = argument::fov)] fov: f64,
         fov_axis: &str,
+        #[pyo3(from_py_with = argument::in_focus)] in_focus: Option<[f64; 2]>,
         #[pyo3(from_py_with = argument::tilt)] tilt: Pair,
         #[pyo3(from_py_with = argument::field_curvature)] field_curvature: f64,
         #[pyo3(from_py_with = argument::axial_color)] axial_color: Triple,
@@ -128,7 +138,13 @@ impl PyLens {
             cat_eye,
             vignetting: choice("vignetting", vignetting, &Vignetting::NAMES)?,
         };
-        let lens = Lens::thin(aperture_radius, focus_distance, fov, fov_axis)?;
+        let lens = match (focus_distance, in_focus) {
+            (Some(distance), None) => Lens::thin(aperture_radius, distance, fov, fov_axis),
+            (None, Some(range)) => {
+                Lens::thin(aperture_radius, f64::INFINITY, fov, fov_axis)?.focused_over(range)
+            }
+            _ => return Err(PyTypeError::new_err("Lens() takes one of focus_distance and in_focus")),
+        }?;
         Ok(PyLens { core: lens.mounted(mount)?.with_aberrations(aberrations)? })
     }
 
@@ -141,7 +157,10 @@ impl PyLens {
     /// strength_percent : float, optional
     ///     The same in per cent of the picture's width; one of the two must be given.
     /// focus : float
-    ///     The disparity in focus.
+    ///     The disparity in focus. Of a lens with `in_focus` it is the middle of the range.
+    /// in_focus : tuple of float, optional
+    ///     In place of `focus`, a range in focus as of `Lens`: the disparities of its nearer end, which is the larger, and
+    ///     of its farther end.
     /// axial_color, lateral_color, cat_eye, vignetting, principal_point : optional
     ///     As for `Lens`, but that `axial_color` is in units of the disparity; no ``"natural"`` vignetting.
     ///
@@ -162,13 +181,15 @@ impl PyLens {
     /// >>> dofsim.Lens.from_disparity(strength_px=30.0, focus=0.8)
     /// Lens.from_disparity(strength_px=30.0, focus=0.8)
     #[staticmethod]
-    #[pyo3(signature = (*, strength_px=None, strength_percent=None, focus, axial_color=(0.0, 0.0, 0.0),
-        lateral_color=(0.0, 0.0, 0.0), cat_eye=0.0, vignetting="none", principal_point=(0.0, 0.0)))]
+    #[pyo3(signature = (*, strength_px=None, strength_percent=None, focus=None, in_focus=None,
+        axial_color=(0.0, 0.0, 0.0), lateral_color=(0.0, 0.0, 0.0), cat_eye=0.0, vignetting="none",
+        principal_point=(0.0, 0.0)))]
     #[expect(clippy::too_many_arguments, reason = "the public constructor's own, keyword-only in Python")]
     fn from_disparity(
         #[pyo3(from_py_with = argument::strength_px)] strength_px: Option<f64>,
         #[pyo3(from_py_with = argument::strength_percent)] strength_percent: Option<f64>,
-        #[pyo3(from_py_with = argument::focus)] focus: f64,
+        #[pyo3(from_py_with = argument::focus)] focus: Option<f64>,
+        #[pyo3(from_py_with = argument::in_focus)] in_focus: Option<[f64; 2]>,
         #[pyo3(from_py_with = argument::axial_color)] axial_color: Triple,
         #[pyo3(from_py_with = argument::lateral_color)] lateral_color: Triple,
         #[pyo3(from_py_with = argument::cat_eye)] cat_eye: f64,
@@ -192,9 +213,12 @@ impl PyLens {
             vignetting: choice("vignetting", vignetting, &Vignetting::NAMES)?,
             ..Aberrations::NONE
         };
-        Ok(PyLens {
-            core: Lens::from_disparity(strength, focus)?.mounted(mount)?.with_aberrations(aberrations)?,
-        })
+        let lens = match (focus, in_focus) {
+            (Some(disparity), None) => Lens::from_disparity(strength, disparity),
+            (None, Some(range)) => Lens::from_disparity(strength, 0.0)?.focused_over(range),
+            _ => return Err(PyTypeError::new_err("from_disparity() takes one of focus and in_focus")),
+        }?;
+        Ok(PyLens { core: lens.mounted(mount)?.with_aberrations(aberrations)? })
     }
 
     /// Radius of the opening in metres; None for a lens over relative disparity.
@@ -260,6 +284,12 @@ impl PyLens {
         }
     }
 
+    /// The nearer and the farther end of the range in focus; None if a plane is in focus.
+    #[getter]
+    fn in_focus(&self) -> Option<Pair> {
+        self.core.in_focus.map(Pair::from)
+    }
+
     /// Angles in degrees by which the plane in focus leans.
     #[getter]
     fn tilt(&self) -> Pair {
@@ -319,7 +349,8 @@ impl PyLens {
     /// Parameters
     /// ----------
     /// **changes
-    ///     Any arguments of the constructor that made the lens: those of `Lens`, or of `Lens.from_disparity`.
+    ///     Any arguments of the constructor that made the lens: those of `Lens`, or of `Lens.from_disparity`. A plane in
+    ///     focus replaces a range, and a range a plane.
     ///
     /// Returns
     /// -------
@@ -352,6 +383,14 @@ impl PyLens {
             }
             words.set_item(key, value)?;
         }
+        // A plane in focus replaces a range, and a range a plane, unless both are given.
+        let plane = self.focus_word();
+        for (word, other) in [(plane, "in_focus"), ("in_focus", plane)] {
+            let given = |name: &str| changes.map_or(Ok(None), |changes| changes.get_item(name));
+            if given(word)?.is_some_and(|value| !value.is_none()) && given(other)?.is_none() {
+                words.set_item(other, py.None())?;
+            }
+        }
         self.constructor(py)?
             .call((), Some(&words))?
             .extract::<PyRef<'_, PyLens>>()
@@ -360,19 +399,22 @@ impl PyLens {
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
-        // Parameters with their default value are left out, except for those of the thin lens itself.
+        // Parameters with their default value are left out, except for those of the thin lens itself; None is always a
+        // default.
         let (words, plain) = (self.arguments(py)?, self.plain().arguments(py)?);
         let own = match self.core.base {
-            Base::Thin { .. } => 4,
-            Base::Relative { .. } => 2,
+            Base::Thin { .. } => 5,
+            Base::Relative { .. } => 3,
         };
         let mut shown = Vec::new();
         for (i, (key, value)) in words.iter().enumerate() {
+            if value.is_none() {
+                continue;
+            }
             let default = plain.get_item(&key)?;
             if i < own || !default.map_or(Ok(false), |default| default.eq(&value))? {
-                // Python writes an infinite float as `inf`, which is not an expression.
-                let infinite = value.extract().is_ok_and(|v: f64| v.is_infinite());
-                let value = if infinite { "float('inf')".to_owned() } else { value.repr()?.to_string() };
+                // Python writes an infinite float as `inf`, which is not an expression. No word contains that.
+                let value = value.repr()?.to_string().replace("inf", "float('inf')");
                 shown.push(format!("{key}={value}"));
             }
         }
@@ -411,6 +453,11 @@ impl PyLens {
         PyLens { core: Lens { mount: Mount::PLAIN, aberrations: Aberrations::NONE, ..self.core } }
     }
 
+    /// The lens that is meant, with a range in focus in place of its own focus if there is one.
+    pub fn with_range(&self, in_focus: Option<[f64; 2]>) -> Result<Lens> {
+        in_focus.map_or(Ok(self.core), |range| self.core.focused_over(range))
+    }
+
     /// The constructor of such a lens.
     fn constructor<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let class = py.get_type::<PyLens>();
@@ -420,13 +467,23 @@ impl PyLens {
         }
     }
 
+    /// The argument of that constructor that is a plane in focus.
+    fn focus_word(&self) -> &'static str {
+        match self.core.base {
+            Base::Thin { .. } => "focus_distance",
+            Base::Relative { .. } => "focus",
+        }
+    }
+
     /// The arguments of that constructor.
     fn arguments<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let words = PyDict::new(py);
+        let plane = |focus: f64| self.core.in_focus.is_none().then_some(focus);
         match self.core.base {
             Base::Thin { aperture_radius, focus_distance, fov, .. } => {
                 words.set_item("aperture_radius", aperture_radius)?;
-                words.set_item("focus_distance", focus_distance)?;
+                words.set_item("focus_distance", plane(focus_distance))?;
+                words.set_item("in_focus", self.in_focus())?;
                 words.set_item("fov", fov)?;
                 words.set_item("fov_axis", self.fov_axis())?;
                 words.set_item("tilt", self.tilt())?;
@@ -439,7 +496,8 @@ impl PyLens {
                     Strength::Px(px) => words.set_item("strength_px", px)?,
                     Strength::Percent(percent) => words.set_item("strength_percent", percent)?,
                 }
-                words.set_item("focus", focus_disparity)?;
+                words.set_item("focus", plane(focus_disparity))?;
+                words.set_item("in_focus", self.in_focus())?;
             }
         }
         words.set_item("axial_color", self.axial_color())?;

@@ -3,15 +3,15 @@
 
 use _dofsim::aperture::{self, Aperture};
 use _dofsim::cancel::Cancel;
-use _dofsim::simd::Simd;
 use _dofsim::depth::{DepthKind, Invalid, disparity_plane};
 use _dofsim::device::Device;
 use _dofsim::error::Error;
+use _dofsim::method::Method;
 use _dofsim::optics::{Aberrations, FovAxis, Frame, Lens, Mount, Strength, Vignetting};
 use _dofsim::picture::{Layer, Picture, Size};
 use _dofsim::plan::{gaussian, hexagonal, lens, levels, poisson, sprites, taps};
-use _dofsim::method::Method;
 use _dofsim::renderer::Renderer;
+use _dofsim::simd::Simd;
 use arbitrary::{Result, Unstructured};
 use libfuzzer_sys::{Corpus, fuzz_target};
 use std::sync::Arc;
@@ -139,7 +139,11 @@ fn depth_kind(u: &mut Unstructured) -> Result<DepthKind> {
         1 => DepthKind::InverseZ,
         2 => DepthKind::Disparity,
         3 => DepthKind::Relative,
-        4 => DepthKind::ZBuffer { near: 0.1, far: if u.arbitrary()? { 100.0 } else { f64::INFINITY } },
+        4 => {
+            let planes = (0.1, if u.arbitrary()? { 100.0 } else { f64::INFINITY });
+            let (near, far) = if u.ratio(1, 4)? { (planes.1, planes.0) } else { planes };
+            DepthKind::ZBuffer { near, far, first: if u.ratio(1, 4)? { -1.0 } else { 0.0 } }
+        }
         5 => DepthKind::DistanceFromNear { near: 0.1 },
         _ => DepthKind::Z,
     })
