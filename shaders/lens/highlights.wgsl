@@ -1,47 +1,64 @@
-// Highlights as exact discs, of which a part is visible: cpu/lens/highlights.rs.
+// Highlights as exact discs of which a part is visible: cpu/lens/highlights.rs.
 
 struct Params {
     size: vec2<u32>,
-    // Pixels on each side of a pixel whose samples also tell how much light it sees.
-    window: i32,
-    // The largest difference in shift between neighbouring cells of one surface.
-    connected_px: f32,
-    // The weight of a pixel's own samples where it shows more than one surface.
-    own_weight: f32,
+    // The padded frame.
+    padded: vec2<u32>,
+    pad: i32,
+    block: i32,
     layers: u32,
+    s_focus: f32,
+    // The largest shift of any cell.
+    reach_px: f32,
+    // The coding of shifts: s = s_min + (code - 1) step.
+    s_min: f32,
+    step: f32,
+    // The gaps up to which depth spans are on one surface, and from which on they are on two.
+    same_surface_px: f32,
+    other_surface_px: f32,
     @align(16) second_stop: SecondStop,
 }
 
-// A highlight: its light, its pixel, its shift, and the discs between which its own lies with the share of the second.
+// A highlight: its light, its pixel, its shift, the discs between which its own lies with the share of the second, and
+// the middle of its cluster.
 struct Highlight {
     light: vec4<f32>,
     place: vec2<i32>,
     t: f32,
     share: f32,
     kernels: vec2<u32>,
+    middle: u32,
+    // Its own code in the low half, and the nearest of its span in the high half.
+    codes: u32,
+    // The farthest code of its span in the low half, and in the high half its layer, or `NOT_HIDDEN`.
+    farthest_and_layer: u32,
+    // The part of the light that is not swept.
+    drawn: f32,
 }
 
-// A tile, the range of its highlights that this pass draws, and whether some of their light may be hidden.
+// A tile, the range of its highlights that this pass draws, and whether it is swept.
 struct Tile {
     origin: vec2<u32>,
     first: u32,
     count: u32,
-    is_hidden_in_part: u32,
+    is_swept: u32,
 }
+
+// In place of the layer: nothing hides any part of the cluster.
+const NOT_HIDDEN: u32 = 0xffffu;
 
 override CHANNELS: u32 = 3u;
 
 @group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<storage, read> kernels: array<u32>;
-@group(0) @binding(2) var<storage, read> highlights: array<Highlight>;
-@group(0) @binding(3) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(1) var<storage, read> codes: array<u32>;
+@group(0) @binding(2) var<storage, read> half_planes: array<u32>;
+@group(0) @binding(3) var<storage, read> kernels: array<u32>;
+@group(0) @binding(4) var<storage, read> highlights: array<Highlight>;
+@group(0) @binding(5) var<storage, read> tiles: array<Tile>;
 // The indices of the highlights of each tile.
-@group(0) @binding(4) var<storage, read> lists: array<u32>;
-// For each pixel: the light that is met, and the light that would be met if nothing stood in between.
-@group(0) @binding(5) var<storage, read> lights: array<vec4<f32>>;
-@group(0) @binding(6) var<storage, read> shifts: array<f32>;
-// For each cell 0, or one more than the index of its half-plane; then the half-planes.
-@group(0) @binding(7) var<storage, read> half_planes: array<u32>;
+@group(0) @binding(6) var<storage, read> lists: array<u32>;
+// The nearest code in each block of the padded frame.
+@group(0) @binding(7) var<storage, read> block_nearest: array<u32>;
 @group(0) @binding(8) var<storage, read_write> picture: array<f32>;
 
 fn open_value(i: u32) -> f32 {
@@ -66,31 +83,26 @@ fn weight_at(kernel: Kernel, d: vec2<i32>) -> f32 {
     return 0.0;
 }
 
-// The light of all highlights at one pixel, as if nothing stood before them.
-fn light_at(at: vec2<i32>, tile: Tile) -> vec4<f32> {
-    var sum = vec4<f32>();
-    for (var i = 0u; i < tile.count; i++) {
-        let highlight = highlights[lists[tile.first + i]];
-        let d = highlight.place - at;
-        if max(abs(d.x), abs(d.y)) > i32(ceil(abs(highlight.t))) + 1 {
-            continue;
+// Whether another layer has a cell at the highlight's own pixel, in front of it by no more than `within` pixels.
+fn is_covered(highlight: Highlight, within: f32) -> bool {
+    let pixel = index_in(params.size, highlight.place.x, highlight.place.y);
+    let own = highlight.codes & 0xffffu;
+    for (var layer = 0u; layer < params.layers; layer++) {
+        let lo = farthest(codes[layer * params.size.x * params.size.y + pixel]);
+        if layer != highlight.farthest_and_layer >> 16u && lo > own && f32(lo - own) * params.step <= within {
+            return true;
         }
-        let nearer = weight_at(kernel_at(highlight.kernels.x), d);
-        let farther = weight_at(kernel_at(highlight.kernels.y), d);
-        var weight = nearer + highlight.share * (farther - nearer);
-        if weight > 0.0 && clips(params.second_stop) {
-            weight *= clipped_share(params.second_stop, vec2<f32>(at), vec2<f32>(d), highlight.t);
-        }
-        sum += weight * highlight.light;
     }
-    return sum;
+    return false;
 }
 
-// The weight of a neighbour for the visibility at a pixel, by its offset and by how far apart their shifts are.
-fn neighbour_weight(offset: vec2<i32>, apart_px: f32) -> f32 {
-    let near = vec2(params.window + 1) - abs(offset);
-    let distance = f32(max(max(abs(offset.x), abs(offset.y)), 1));
-    return f32(near.x * near.y) * clamp(2.0 - apart_px / (params.connected_px * distance), 0.0, 1.0);
+// The part of a highlight's light that a cell of its own layer lets through, `distance` pixels away.
+fn same_surface(highlight: Highlight, lo: u32, distance: f32) -> f32 {
+    let nearest_own = highlight.codes >> 16u;
+    let own_span = f32(nearest_own - (highlight.farthest_and_layer & 0xffffu)) * params.step;
+    let gap = f32(max(lo, nearest_own) - nearest_own) * params.step;
+    let beyond = gap - own_span * distance;
+    return clamp((params.other_surface_px - beyond) / (params.other_surface_px - params.same_surface_px), 0.0, 1.0);
 }
 
 // The area of a pixel in which `normal . f <= cut`.
@@ -105,53 +117,130 @@ fn area_below(normal: vec2<f32>, cut: f32) -> f32 {
     return select(1.0 - area, area, cut <= 0.0);
 }
 
-// The part of a pixel that the first layer covers.
-fn coverage(pixel: u32) -> f32 {
-    let number = half_planes[pixel];
+// The fraction of a beam one pixel wide that a cell hides, if the beam passes it at an offset from its centre.
+fn covered(cell: u32, at: vec2<i32>, offset: vec2<f32>) -> f32 {
+    let number = half_planes[cell];
     if number == 0u {
         return 1.0;
     }
     let words = params.layers * params.size.x * params.size.y + 3u * (number - 1u);
-    let normal = vec2(bitcast<f32>(half_planes[words]), bitcast<f32>(half_planes[words + 1u]));
-    return area_below(normal, bitcast<f32>(half_planes[words + 2u]));
+    let normal = vec2(bitcast<f32>(half_planes[words]), bitcast<f32>(half_planes[words + 1u]))
+        * mirroring(params.size, at.x, at.y);
+    return area_below(normal, bitcast<f32>(half_planes[words + 2u]) - (normal.x * offset.x + normal.y * offset.y));
 }
 
-// The visible part around a pixel, as the pixels see it that show only a surface of shift `s`.
-fn beside(at: vec2<i32>, s: f32) -> vec4<f32> {
-    let first = max(at - params.window, vec2(0));
-    let last = min(at + params.window, vec2<i32>(params.size) - 1);
-    let own = u32(at.y) * params.size.x + u32(at.x);
-    var met_light = params.own_weight * lights[2u * own];
-    var all_light = params.own_weight * lights[2u * own + 1u];
-    for (var y = first.y; y <= last.y; y++) {
-        for (var x = first.x; x <= last.x; x++) {
-            let pixel = u32(y) * params.size.x + u32(x);
-            if half_planes[pixel] == 0u {
-                let weight = neighbour_weight(vec2(x, y) - at, abs(shifts[pixel] - s));
-                met_light += weight * lights[2u * pixel];
-                all_light += weight * lights[2u * pixel + 1u];
-            }
+// A lower bound on the number of steps after which a ray from a padded cell leaves its block.
+fn steps_inside(cell: vec2<i32>, slope: vec2<f32>) -> i32 {
+    var steps = 1e9;
+    for (var i = 0; i < 2; i++) {
+        let inside = cell[i] % params.block;
+        let to_border = select(inside + 1, params.block - inside, slope[i] > 0.0);
+        if slope[i] != 0.0 {
+            steps = min(steps, f32(to_border - 1) / abs(slope[i]));
         }
     }
-    // If no sample says anything, nothing is hidden.
-    return select(vec4(1.0), met_light / max(all_light, vec4(1e-37)), all_light > vec4(0.0));
+    return max(i32(steps), 1);
 }
 
-// The part of the light that is visible at a pixel. Where it shows two surfaces, it is as much as beside the edge, on
-// either side.
-fn visible_part(at: vec2<i32>) -> vec4<f32> {
-    let pixel = u32(at.y) * params.size.x + u32(at.x);
-    let front = beside(at, shifts[pixel]);
-    let covered = coverage(pixel);
-    if covered >= 1.0 || params.layers < 2u {
-        return front;
+// The fraction of a pixel's rays near lens point `l` that meet nothing before they meet the highlight.
+fn visible_from(highlight: Highlight, l: vec2<f32>) -> f32 {
+    let longest = max(abs(l.x), abs(l.y));
+    if longest == 0.0 {
+        return select(1.0, 0.0, is_covered(highlight, 1e30));
     }
-    let s = shifts[params.size.x * params.size.y + pixel];
-    if s >= NOWHERE {
-        return front;
+    if is_covered(highlight, 0.5 / longest) {
+        return 0.0;
     }
-    let back = beside(at, s);
-    return back + covered * (front - back);
+    let code_per_step = 1.0 / (longest * params.step);
+    let start = f32(highlight.codes & 0xffffu);
+    // Steps outwards from the highlight, one cell at a time along the longer axis.
+    let slope = l / longest;
+    let steps = i32(ceil((params.reach_px - highlight.t) * longest));
+    // A straight edge may be met in more than one cell, but must hide its part of the beam only once.
+    var visible = 1.0;
+    var k = 1;
+    while k <= steps {
+        let along = f32(k) * slope;
+        let moved = vec2(rounded(along.x), rounded(along.y));
+        let at = highlight.place + vec2<i32>(moved);
+        let padded = at + params.pad;
+        if any(padded < vec2(0)) || any(padded >= vec2<i32>(params.padded)) {
+            break;
+        }
+        let from_code = u32(min(start + (f32(k) - 0.5) * code_per_step, 65535.0));
+        let to_code = u32(min(start + (f32(k) + 0.5) * code_per_step, 65535.0));
+        let block = padded / params.block;
+        if block_nearest[u32(block.y) * (params.padded.x / u32(params.block)) + u32(block.x)] < from_code {
+            // No cell in this block is near enough, and the ray only comes nearer to the camera.
+            k += steps_inside(padded, slope);
+            continue;
+        }
+        let pixel = index_in(params.size, at.x, at.y);
+        for (var layer = 0u; layer < params.layers; layer++) {
+            let cell = layer * params.size.x * params.size.y + pixel;
+            let lo = farthest(codes[cell]);
+            if nearest(codes[cell]) >= from_code && lo < to_code {
+                // The position of the ray in this cell, relative to the cell's centre; the ray passes through the
+                // highlight.
+                let t_cell = params.s_min + (f32(lo) - 1.0) * params.step - params.s_focus - highlight.t;
+                var hides = 1.0;
+                if layer == highlight.farthest_and_layer >> 16u {
+                    hides -= same_surface(highlight, lo, f32(k));
+                }
+                visible = min(visible, 1.0 - covered(cell, at, l * t_cell - moved) * hides);
+            }
+        }
+        if visible == 0.0 {
+            break;
+        }
+        k++;
+    }
+    return visible;
+}
+
+// The part of a cluster's light that is visible at a pixel.
+fn visible_part(middle: u32, at: vec2<i32>) -> f32 {
+    let highlight = highlights[middle];
+    if highlight.farthest_and_layer >> 16u == NOT_HIDDEN {
+        return 1.0;
+    }
+    var drawn_px = max(abs(highlight.t), 0.5);
+    if highlight.t < 0.0 {
+        drawn_px = -drawn_px;
+    }
+    return visible_from(highlight, vec2<f32>(highlight.place - at) / drawn_px);
+}
+
+// The light of all highlights at one pixel. Those of a cluster follow one another.
+fn light_at(at: vec2<i32>, tile: Tile) -> vec4<f32> {
+    var sum = vec4<f32>();
+    var of_cluster = vec4<f32>();
+    var middle = 0u;
+    for (var i = 0u; i < tile.count; i++) {
+        let highlight = highlights[lists[tile.first + i]];
+        if highlight.middle != middle {
+            if any(of_cluster != vec4(0.0)) {
+                sum += visible_part(middle, at) * of_cluster;
+            }
+            of_cluster = vec4<f32>();
+            middle = highlight.middle;
+        }
+        let d = highlight.place - at;
+        if max(abs(d.x), abs(d.y)) > i32(ceil(abs(highlight.t))) + 1 {
+            continue;
+        }
+        let nearer = weight_at(kernel_at(highlight.kernels.x), d);
+        let farther = weight_at(kernel_at(highlight.kernels.y), d);
+        var weight = nearer + highlight.share * (farther - nearer);
+        if weight > 0.0 && clips(params.second_stop) {
+            weight *= clipped_share(params.second_stop, vec2<f32>(at), vec2<f32>(d), highlight.t);
+        }
+        of_cluster += weight * select(1.0, highlight.drawn, tile.is_swept != 0u) * highlight.light;
+    }
+    if any(of_cluster != vec4(0.0)) {
+        sum += visible_part(middle, at) * of_cluster;
+    }
+    return sum;
 }
 
 @compute @workgroup_size(64, 4)
@@ -161,10 +250,7 @@ fn draw_highlights(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoc
     if any(at >= params.size) {
         return;
     }
-    var value = light_at(vec2<i32>(at), tile);
-    if tile.is_hidden_in_part != 0u && any(value != vec4(0.0)) {
-        value *= visible_part(vec2<i32>(at));
-    }
+    let value = light_at(vec2<i32>(at), tile);
     for (var c = 0u; c < CHANNELS; c++) {
         picture[(at.y * params.size.x + at.x) * CHANNELS + c] += value[c];
     }

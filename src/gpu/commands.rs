@@ -186,11 +186,6 @@ impl<'a> Commands<'a> {
         self.encoder.copy_buffer_to_buffer(from, 0, to, 0, from.size());
     }
 
-    /// Sets a buffer to zeros.
-    pub fn clear(&mut self, buffer: &wgpu::Buffer) {
-        self.encoder.clear_buffer(buffer, 0, None);
-    }
-
     /// Copies a number of bytes between buffers.
     pub fn copy_part(
         &mut self,

@@ -10,6 +10,14 @@ pub struct HalfPlane {
     pub area: f32,
 }
 
+/// The area of a pixel in which `normal . f <= cut`; undoes [`HalfPlane::with_area`].
+pub fn area_below(normal: [f32; 2], cut: f32) -> f32 {
+    let (p, q) = (normal[0].abs().min(normal[1].abs()), normal[0].abs().max(normal[1].abs()));
+    let moved = (0.5 * (p + q) - cut.abs()).max(0.0);
+    let small = if moved < p { moved * moved / (2.0 * p * q) } else { (moved - 0.5 * p) / q };
+    if cut <= 0.0 { small } else { 1.0 - small }
+}
+
 impl HalfPlane {
     /// The half-plane of the given unit normal that covers the fraction `area` of the pixel.
     pub fn with_area(normal: [f32; 2], area: f32) -> HalfPlane {
@@ -50,14 +58,6 @@ impl HalfPlane {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// The area of a pixel in which `normal . f <= cut`; undoes [`HalfPlane::with_area`].
-    fn area_below(normal: [f32; 2], cut: f32) -> f32 {
-        let (p, q) = (normal[0].abs().min(normal[1].abs()), normal[0].abs().max(normal[1].abs()));
-        let moved = (0.5 * (p + q) - cut.abs()).max(0.0);
-        let small = if moved < p { moved * moved / (2.0 * p * q) } else { (moved - 0.5 * p) / q };
-        if cut <= 0.0 { small } else { 1.0 - small }
-    }
     use proptest::prelude::*;
 
     proptest! {

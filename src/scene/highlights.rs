@@ -1,6 +1,6 @@
 //! Highlights: the light by which cells outshine their surroundings, whatever is in focus.
 
-use super::colors::Colors;
+use super::colors::{CellColor, Colors};
 use super::grid::BLOCK;
 use super::layer::SceneLayer;
 use crate::picture::Size;
@@ -158,6 +158,13 @@ pub struct Bright {
     pub excess: [f32; 4],
     /// The part of the pixel that the cell covers.
     pub area: f32,
+}
+
+impl Bright {
+    /// The cell with this part of the light.
+    pub fn with(&self, part: f32) -> CellColor {
+        CellColor { index: self.index, color: std::array::from_fn(|c| self.dim[c] + part * self.excess[c]) }
+    }
 }
 
 /// Finds the highlights of each layer.

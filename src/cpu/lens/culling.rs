@@ -52,8 +52,6 @@ pub struct PatchBounds {
     across: usize,
     layers: usize,
     entries: Vec<Entry>,
-    /// The depths of the cells among them that have the light of a highlight, as a set; empty if there are none.
-    light: Vec<u64>,
 }
 
 /// A query to the bounds of a part: is there a cell in the codes `from .. to`?
@@ -163,45 +161,7 @@ impl PatchBounds {
                 out.iter_mut().zip(&along[y * row..]).for_each(|(out, along)| *out = out.with(along));
             }
         });
-        PatchBounds { across, layers, entries, light: Vec::new() }
-    }
-
-    /// Finds the depths of cells that have the light of a highlight.
-    pub fn set_light(&mut self, padded: &[PaddedLayer], padding: &Padding) {
-        let (stride, layers) = (padding.stride, self.layers);
-        let down = padding.rows / PATCH.1;
-        let (wide, high) = (PART.0 / PATCH.0 + 1, PART.1 / PATCH.1 + 1);
-        let row = self.across * layers;
-        let mut along = vec![0u64; row * down];
-        along.par_chunks_mut(row).enumerate().for_each_init(
-            || vec![0u64; row + wide * layers],
-            |own, (y, out)| {
-                own.fill(0);
-                for (k, layer) in padded.iter().enumerate().filter(|(_, layer)| !layer.light.is_empty()) {
-                    for cells in (y * PATCH.1..(y + 1) * PATCH.1).map(|y| y * stride..(y + 1) * stride) {
-                        let is_lit = |i: &usize| layer.light.iter().any(|plane| plane[*i] != 0.0);
-                        for i in cells.filter(is_lit) {
-                            own[i % stride / PATCH.0 * layers + k] |= bits(layer.lo[i], layer.hi[i]);
-                        }
-                    }
-                }
-                for (i, out) in out.iter_mut().enumerate() {
-                    *out = (0..wide).fold(0, |all, k| all | own[i + k * layers]);
-                }
-            },
-        );
-        self.light = vec![0u64; row * down];
-        self.light.par_chunks_mut(row).enumerate().for_each(|(y, out)| {
-            for y in y..(y + high).min(down) {
-                out.iter_mut().zip(&along[y * row..]).for_each(|(out, along)| *out |= along);
-            }
-        });
-    }
-
-    /// Whether a part whose entry is `entry` may meet the light of a highlight.
-    #[inline(always)]
-    pub fn is_lit(&self, entry: usize, query: &Query) -> bool {
-        self.light[entry.wrapping_add_signed(query.entry as isize)] & query.depths != 0
+        PatchBounds { across, layers, entries }
     }
 
     /// The entry of the part whose first cell is `(x, y)` of the padded frame.
@@ -238,7 +198,7 @@ mod tests {
     /// The answers of a single patch for all codes, for few codes, and for other codes.
     fn finds(lo: [u16; CELLS], hi: [u16; CELLS], partial: u8) -> [(bool, bool); 3] {
         let entry = entry(&lo, &hi, &[0, partial, 0, 0], PATCH.0);
-        let patches = PatchBounds { across: 1, layers: 1, entries: vec![entry], light: Vec::new() };
+        let patches = PatchBounds { across: 1, layers: 1, entries: vec![entry] };
         [(1, u16::MAX), (5000, 5001), (6000, 7000)].map(|(from, to)| {
             let found = patches.occupancy(0, &patches.query([0, 0], 0, from, to));
             (found.any, found.all)

@@ -1,234 +1,233 @@
 //! Highlights, drawn as exact discs of which a part is visible.
 
-use crate::cancel::Cancel;
-use crate::cpu::tiles::Tile;
-use crate::error::Result;
-use crate::memory::Buffer;
-use crate::picture::Size;
+use super::padded::Padded;
+use super::tile_color::TileColor;
 use crate::plan::lens::disc::APART;
-use crate::plan::lens::highlights::{
-    Highlight, Highlights, OWN_WEIGHT, WINDOW, neighbour_weight, visible_part,
-};
+use crate::plan::lens::highlights::{Cluster, Highlight, Highlights, same_surface};
 use crate::plan::lens::kernels::Kernels;
 use crate::plan::lens::optical_vignetting::PupilClip;
-use crate::rows::bands;
-use crate::scene::layer::SceneLayer;
-use rayon::prelude::*;
-
-/// Rows of the frame that are drawn together.
-const BAND: usize = 16;
-/// The largest number of channels that hold light.
-const MOST_LIGHTS: usize = 3;
-
-/// The light of all highlights at every pixel, as if nothing stood before them.
-pub struct Discs {
-    size: Size,
-    planes: Buffer<f32>,
-}
+use crate::plan::lens::tiles::{Tile, Work};
+use crate::scene::grid::{BLOCK, TILE};
 
 /// The input for drawing highlights.
-pub struct Drawing<'a> {
+pub struct HighlightPass<'a> {
     pub highlights: &'a Highlights,
+    pub padded: &'a Padded,
+    pub s_focus: f64,
     pub kernels: &'a Kernels,
     pub clip: Option<&'a PupilClip>,
-    pub cancel: &'a Cancel,
 }
 
-impl Discs {
-    /// Draws all discs into the channels of `size`; `None` if there are none.
-    pub fn new(drawing: &Drawing, size: Size) -> Result<Option<Discs>> {
-        if drawing.highlights.all.is_empty() {
-            return Ok(None);
-        }
-        let mut planes = Buffer::unset(size.pixels() * size.channels);
-        let bands = bands(planes.chunks_mut(size.pixels()), BAND * size.width);
-        bands.into_par_iter().enumerate().try_for_each_init(
-            Differences::default,
-            |differences, (i, mut out)| {
-                drawing.cancel.check()?;
-                differences.clear(size, out[0].len() / size.width);
-                for highlight in &drawing.highlights.all {
-                    drawing.add(highlight, (i * BAND) as i32, differences);
-                }
-                differences.sum_up(&mut out);
-                Ok(())
-            },
-        )?;
-        Ok(Some(Discs { size, planes }))
-    }
-
-    /// The light of channel `c` in a row of the frame.
-    fn row(&self, c: usize, y: usize) -> &[f32] {
-        &self.planes[c * self.size.pixels() + y * self.size.width..][..self.size.width]
-    }
-}
-
-/// How much of the light is visible at every pixel.
-pub struct Visibility<'a> {
-    /// The frame, with one channel for each channel of light.
-    size: Size,
-    /// For each pixel the channels of the light that is met, then those of the light that would be met.
-    lights: Buffer<f32>,
-    /// The shifts of the first layer, and those of the second.
-    front: &'a [f32],
-    back: Option<&'a [f32]>,
-    /// The part of each pixel that the first layer covers.
-    coverage: Buffer<f32>,
-}
-
-impl<'a> Visibility<'a> {
-    /// Nothing is known of any pixel.
-    pub fn new(size: Size, layers: &'a [SceneLayer]) -> Visibility<'a> {
-        let mut coverage = Buffer::full(size.pixels(), 1.0);
-        layers[0].partial.iter().for_each(|(index, plane)| coverage[*index] = plane.area);
-        Visibility {
-            size,
-            lights: Buffer::full(2 * size.channels * size.pixels(), 0.0),
-            front: &layers[0].s,
-            back: layers.get(1).map(|layer| &**layer.s),
-            coverage,
-        }
-    }
-
-    /// The size of the light that is met as an interleaved picture, and that picture.
-    pub fn lights(&mut self) -> (Size, &mut [f32]) {
-        (Size { channels: 2 * self.size.channels, ..self.size }, &mut self.lights)
-    }
-
-    /// The part of each channel's light that is visible at a pixel. Where the pixel shows two surfaces, it is as much
-    /// as beside the edge, on either side.
-    fn at(&self, x: usize, y: usize) -> [f32; MOST_LIGHTS] {
-        let pixel = y * self.size.width + x;
-        let front = self.beside(x, y, self.front[pixel]);
-        let covered = self.coverage[pixel];
-        match self.back.map(|back| back[pixel]).filter(|s| covered < 1.0 && !s.is_nan()) {
-            None => front,
-            Some(s) => {
-                let back = self.beside(x, y, s);
-                std::array::from_fn(|c| back[c] + covered * (front[c] - back[c]))
-            }
-        }
-    }
-
-    /// The visible part around a pixel, as the pixels see it that show only a surface of shift `s`.
-    fn beside(&self, x: usize, y: usize, s: f32) -> [f32; MOST_LIGHTS] {
-        let Size { width, height, channels } = self.size;
-        let around = |v: usize, n: usize| v.saturating_sub(WINDOW)..(v + WINDOW + 1).min(n);
-        let (mut met, mut all) = ([0.0; MOST_LIGHTS], [0.0; MOST_LIGHTS]);
-        let mut add = |pixel: usize, weight: f32| {
-            let light = &self.lights[2 * channels * pixel..][..2 * channels];
-            for c in 0..channels {
-                met[c] += weight * light[c];
-                all[c] += weight * light[channels + c];
-            }
-        };
-        for j in around(y, height) {
-            for i in around(x, width).filter(|i| self.coverage[j * width + i] >= 1.0) {
-                let pixel = j * width + i;
-                let offset = [i as i32 - x as i32, j as i32 - y as i32];
-                add(pixel, neighbour_weight(offset, (self.front[pixel] - s).abs()));
-            }
-        }
-        add(y * width + x, OWN_WEIGHT);
-        std::array::from_fn(|c| visible_part(met[c], all[c]))
-    }
-}
-
-/// Adds the light of all highlights to a tile of the picture, or the part of it that is visible.
-pub fn add(discs: &Discs, visibility: Option<&Visibility>, out: &mut Tile, channels: usize) {
-    for (y, row) in (out.origin.1..).zip(&mut out.rows) {
-        let light: [&[f32]; MOST_LIGHTS] =
-            std::array::from_fn(|c| if c < discs.size.channels { discs.row(c, y) } else { &[] });
-        for (x, pixel) in (out.origin.0..).zip(row.chunks_exact_mut(channels)) {
-            let light: [f32; MOST_LIGHTS] = light.map(|row| row.get(x).copied().unwrap_or(0.0));
-            if light == [0.0; MOST_LIGHTS] {
-                continue;
-            }
-            let visible = visibility.map_or([1.0; MOST_LIGHTS], |visibility| visibility.at(x, y));
-            for (c, out) in pixel.iter_mut().take(discs.size.channels).enumerate() {
-                *out += visible[c] * light[c];
-            }
-        }
-    }
-}
-
-/// Some rows of the frame as differences between neighbouring pixels, so that a run of pixels is two numbers. Sums of
+/// The light of discs in a tile, as differences between neighbouring pixels: a run of pixels is two numbers. Sums of
 /// many lights that begin and end elsewhere need `f64`.
 #[derive(Default)]
-struct Differences {
-    channels: usize,
-    width: usize,
-    rows: usize,
-    /// For each channel and row, one more value than there are columns.
+pub struct Differences {
+    /// For each channel and row, one more value than a tile has columns.
     values: Vec<f64>,
+    /// For each row, the columns that have light.
+    columns: [(usize, usize); TILE.1],
 }
 
 impl Differences {
-    fn clear(&mut self, size: Size, rows: usize) {
-        (self.channels, self.width, self.rows) = (size.channels, size.width, rows);
+    const ROW: usize = TILE.0 + 1;
+
+    fn clear(&mut self, channels: usize) {
         self.values.clear();
-        self.values.resize(self.channels * rows * (self.width + 1), 0.0);
+        self.values.resize(channels * TILE.1 * Self::ROW, 0.0);
+        self.columns = [(TILE.0, 0); TILE.1];
     }
 
     /// Adds light to the columns `first .. end` of a row.
     fn add(&mut self, y: usize, (first, end): (i32, i32), weight: f64, light: &[f32; 4]) {
-        let inside = |x: i32| x.clamp(0, self.width as i32) as usize;
-        let (first, end) = (inside(first), inside(end));
+        let [first, end] = [first, end].map(|x| x.clamp(0, TILE.0 as i32) as usize);
         if first < end {
-            for c in 0..self.channels {
-                let row = (c * self.rows + y) * (self.width + 1);
-                let added = weight * f64::from(light[c]);
-                self.values[row + first] += added;
-                self.values[row + end] -= added;
+            let columns = &mut self.columns[y];
+            *columns = (columns.0.min(first), columns.1.max(end));
+            for (plane, light) in self.values.chunks_exact_mut(TILE.1 * Self::ROW).zip(light) {
+                let added = weight * f64::from(*light);
+                plane[y * Self::ROW + first] += added;
+                plane[y * Self::ROW + end] -= added;
             }
         }
     }
 
-    fn sum_up(&self, out: &mut [&mut [f32]]) {
-        let rows = out.iter_mut().flat_map(|plane| plane.chunks_mut(self.width));
-        for (row, differences) in rows.zip(self.values.chunks(self.width + 1)) {
-            let mut sum = 0.0;
-            for (out, difference) in row.iter_mut().zip(differences) {
-                sum += difference;
-                *out = sum as f32;
+    /// Calls `visit(x, y, light)` for every pixel that may have light.
+    fn for_each<const C: usize>(&self, mut visit: impl FnMut(usize, usize, [f64; C])) {
+        for (y, &(first, end)) in self.columns.iter().enumerate() {
+            let mut sum = [0.0; C];
+            for x in first..end {
+                for (c, sum) in sum.iter_mut().enumerate() {
+                    *sum += self.values[(c * TILE.1 + y) * Self::ROW + x];
+                }
+                visit(x, y, sum);
             }
         }
     }
 }
 
-impl Drawing<'_> {
-    /// Adds the rows of a highlight's disc from row `first_y` of the frame on.
-    fn add(&self, highlight: &Highlight, first_y: i32, differences: &mut Differences) {
-        let reach = highlight.reach();
-        let rows = first_y..first_y + differences.rows as i32;
-        if highlight.y + reach < rows.start || highlight.y - reach >= rows.end {
+impl HighlightPass<'_> {
+    /// Draws all highlights that reach a tile, which has the number `number`.
+    pub fn draw<const C: usize>(
+        &self,
+        number: usize,
+        tile: &Tile,
+        differences: &mut Differences,
+        out: &mut TileColor,
+    ) {
+        let origin = tile.origin;
+        let clusters = || self.highlights.of_tile(number);
+        if clusters().next().is_none() {
             return;
         }
-        for (step, share) in highlight.discs() {
-            let kernel = self.kernels.get(step * APART);
-            // A pixel p sees the highlight q at the offset q - p of the kernel. Rows are in the order of dy.
-            let first = kernel.rows.partition_point(|row| highlight.y - row.dy >= rows.end);
-            for row in kernel.rows[first..].iter().take_while(|row| highlight.y - row.dy >= rows.start) {
-                let y = highlight.y - row.dy;
-                let mut add = |columns: (i32, i32), weight: f32| {
-                    let weight = f64::from(share) * f64::from(weight);
-                    let place = (y - rows.start) as usize;
-                    match self.clip {
-                        None => differences.add(place, columns, weight, &highlight.excess),
-                        Some(clip) => {
-                            for x in columns.0..columns.1 {
-                                let l = [highlight.x - x, row.dy].map(|d| f64::from(d) / highlight.t);
-                                let seen = clip.share([f64::from(x), f64::from(y)], l, highlight.t);
-                                differences.add(place, (x, x + 1), weight * seen, &highlight.excess);
-                            }
-                        }
-                    }
-                };
-                add((highlight.x - row.run.1 + 1, highlight.x - row.run.0 + 1), kernel.run_weight);
-                for &(dx, weight) in &row.partial {
-                    add((highlight.x - dx, highlight.x - dx + 1), weight);
-                }
+        let mut add = |x: usize, y: usize, light: [f64; C], visible: f64| {
+            for (plane, light) in out.planes.iter_mut().zip(light) {
+                plane[y * TILE.0 + x] += (visible * light) as f32;
+            }
+        };
+        differences.clear(C);
+        for cluster in clusters().filter(|cluster| !cluster.hidden_in_part) {
+            self.add_discs(cluster, tile, differences);
+        }
+        differences.for_each::<C>(|x, y, light| add(x, y, light, 1.0));
+        for cluster in clusters().filter(|cluster| cluster.hidden_in_part) {
+            differences.clear(C);
+            self.add_discs(cluster, tile, differences);
+            let middle = &self.highlights.all[cluster.middle];
+            differences.for_each::<C>(|x, y, light| {
+                let to = [middle.x - (origin.0 + x) as i32, middle.y - (origin.1 + y) as i32];
+                let l = to.map(|d| f64::from(d) / middle.drawn_px());
+                add(x, y, light, f64::from(self.visible_from(cluster, middle, l)));
+            });
+        }
+    }
+
+    /// Adds the rows of a cluster's discs that are inside a tile.
+    fn add_discs(&self, cluster: &Cluster, tile: &Tile, differences: &mut Differences) {
+        for highlight in &self.highlights.all[cluster.members.clone()] {
+            let drawn = if tile.work == Work::Disc { 1.0 } else { highlight.drawn };
+            for (step, share) in highlight.discs().filter(|_| drawn > 0.0) {
+                self.add_disc(highlight, step, drawn * share, tile.origin, differences);
             }
         }
     }
+
+    /// Adds the rows of one disc that are inside the tile at `origin`.
+    fn add_disc(
+        &self,
+        highlight: &Highlight,
+        step: i32,
+        share: f32,
+        origin: (usize, usize),
+        differences: &mut Differences,
+    ) {
+        let kernel = self.kernels.get(step * APART);
+        // The highlight in the tile's coordinates. A pixel p sees it at the offset q - p of the kernel.
+        let (qx, qy) = (highlight.x - origin.0 as i32, highlight.y - origin.1 as i32);
+        // Rows are in the order of dy.
+        let first = kernel.rows.partition_point(|row| qy - row.dy >= TILE.1 as i32);
+        for row in kernel.rows[first..].iter().take_while(|row| qy - row.dy >= 0) {
+            let y = (qy - row.dy) as usize;
+            let mut add = |columns: (i32, i32), weight: f32| {
+                let weight = f64::from(share) * f64::from(weight);
+                let Some(clip) = self.clip else {
+                    return differences.add(y, columns, weight, &highlight.excess);
+                };
+                for x in columns.0.max(0)..columns.1.min(TILE.0 as i32) {
+                    let l = [qx - x, row.dy].map(|d| f64::from(d) / highlight.t);
+                    let place = [origin.0 as f64 + f64::from(x), (origin.1 + y) as f64];
+                    let seen = clip.share(place, l, highlight.t);
+                    differences.add(y, (x, x + 1), weight * seen, &highlight.excess);
+                }
+            };
+            add((qx - row.run.1 + 1, qx - row.run.0 + 1), kernel.run_weight);
+            for &(dx, weight) in &row.partial {
+                add((qx - dx, qx - dx + 1), weight);
+            }
+        }
+    }
+
+    /// Whether another layer has a cell at the middle of a cluster, in front of it by no more than `within` pixels.
+    fn is_covered(&self, cluster: &Cluster, middle: &Highlight, cell: usize, within: f64) -> bool {
+        let px_per_code = self.padded.codes.step();
+        self.padded.layers.iter().enumerate().filter(|(i, _)| *i != middle.layer).any(|(_, layer)| {
+            let lo = layer.lo[cell];
+            lo > cluster.code && f64::from(lo - cluster.code) * px_per_code <= within
+        })
+    }
+
+    /// The fraction of a pixel's rays near lens point `l` that meet nothing before they meet a cluster.
+    ///
+    /// The rays of a pixel are a beam as wide as the pixel at every depth. A cell that covers its pixel partly, and a
+    /// cell that the beam meets only partly, let the rest of the beam through.
+    fn visible_from(&self, cluster: &Cluster, middle: &Highlight, l: [f64; 2]) -> f32 {
+        let padded = self.padded;
+        let (stride, rows) = (padded.padding.stride as i32, padded.padding.rows as i32);
+        let [x, y] = [middle.x, middle.y].map(|v| v + padded.padding.pad as i32);
+        let own = (y * stride + x) as usize;
+        let longest = l[0].abs().max(l[1].abs());
+        if longest == 0.0 {
+            return if self.is_covered(cluster, middle, own, f64::INFINITY) { 0.0 } else { 1.0 };
+        }
+        if self.is_covered(cluster, middle, own, 0.5 / longest) {
+            return 0.0;
+        }
+        let px_per_code = padded.codes.step();
+        let code_per_step = 1.0 / (longest * px_per_code);
+        let start = f64::from(cluster.code);
+        let code = |k: f64| (start + k * code_per_step).min(f64::from(u16::MAX)) as u16;
+        let px = |codes: u16| (f64::from(codes) * px_per_code) as f32;
+        let own_span_px = px(cluster.span[1] - cluster.span[0]);
+        // Steps outwards from the highlight, one cell at a time along the longer axis.
+        let slope = [l[0] / longest, l[1] / longest];
+        let steps = ((padded.reach_px - middle.t) * longest).ceil() as i32;
+        // A straight edge may be met in more than one cell, but must hide its part of the beam only once.
+        let mut visible = 1.0f32;
+        let mut k = 1;
+        while k <= steps {
+            let along = slope.map(|slope| f64::from(k) * slope);
+            let cell = [x + along[0].round() as i32, y + along[1].round() as i32];
+            if !(0..stride).contains(&cell[0]) || !(0..rows).contains(&cell[1]) {
+                break;
+            }
+            let (from, to) = (code(f64::from(k) - 0.5), code(f64::from(k) + 0.5));
+            let block = cell.map(|v| v as usize / BLOCK);
+            if padded.bounds.range[block[1] * padded.bounds.across + block[0]].1 < from {
+                // No cell in this block is near enough, and the ray only comes nearer to the camera.
+                k += steps_inside(cell, slope);
+                continue;
+            }
+            let index = (cell[1] * stride + cell[0]) as usize;
+            for (i, layer) in padded.layers.iter().enumerate() {
+                let (lo, hi) = (layer.lo[index], layer.hi[index]);
+                if hi >= from && lo < to {
+                    // The position of the ray in this cell, relative to the cell's centre; the ray passes through the
+                    // highlight.
+                    let t_cell = padded.codes.decode(f64::from(lo)) - self.s_focus - middle.t;
+                    let at = [0, 1].map(|i| (l[i] * t_cell - along[i].round()) as f32);
+                    let let_through = if i == middle.layer {
+                        same_surface(px(lo.saturating_sub(cluster.span[1])), own_span_px, k as f32)
+                    } else {
+                        0.0
+                    };
+                    visible = visible.min(1.0 - layer.partial.covered(index, at) * (1.0 - let_through));
+                }
+            }
+            if visible == 0.0 {
+                break;
+            }
+            k += 1;
+        }
+        visible
+    }
+}
+
+/// A lower bound on the number of steps after which a ray from `cell` leaves its block.
+fn steps_inside(cell: [i32; 2], slope: [f64; 2]) -> i32 {
+    let steps = |i: usize| {
+        let (inside, block) = (cell[i] % BLOCK as i32, BLOCK as i32);
+        let to_border = if slope[i] > 0.0 { block - inside } else { inside + 1 };
+        // Rounding to cells may gain one step.
+        f64::from(to_border - 1) / slope[i].abs()
+    };
+    (steps(0).min(steps(1)) as i32).max(1)
 }

@@ -15,10 +15,10 @@ mod tile_color;
 mod widen;
 
 use crate::cancel::Cancel;
-use crate::cpu::tiles::{Tile, split};
+use crate::cpu::tiles::split;
 use crate::error::Result;
 use crate::optics::Optics;
-use crate::picture::{Picture, Size};
+use crate::picture::Picture;
 use crate::plan::lens::disc::Surface;
 use crate::plan::lens::highlights::Highlights;
 use crate::plan::lens::kernels::Kernels;
@@ -32,10 +32,10 @@ use crate::scene::highlights::light_channels;
 use crate::scene::layer::SceneLayer;
 use crate::scene::layered::LayeredScene;
 use crate::simd::Simd;
-use highlights::{Discs, Drawing, Visibility};
+use highlights::{Differences, HighlightPass};
 use padded::Padded;
 use rayon::prelude::*;
-use sweep::{Lit, Segments, Start, Sweep};
+use sweep::{Segments, Start};
 use tile_color::TileColor;
 
 /// Tiles that a worker takes at a time: more than elsewhere, because it allocates scratch memory each time.
@@ -68,33 +68,25 @@ pub fn render(
     cancel.check()?;
     let highlights = Highlights::new(scene, &plan, simd);
     cancel.check()?;
-    let Plan { s_focus, padding, bounds, tiles, sample_sets, footprint, light_footprint, missed, .. } = plan;
+    let Plan { s_focus, reach_px, padding, bounds, tiles, sample_sets, footprint, missed } = plan;
     let needed = tiles::needed(&padding, &bounds, &tiles);
-    let mut padded = Padded::new(scene, padding, bounds, &needed, simd);
+    let mut padded = Padded::new(scene, padding, bounds, reach_px, &needed, simd);
     cancel.check()?;
 
-    let mut colors: Vec<Colors> = scene.layers.iter().map(|layer| layer.colors.clone()).collect();
-    for (colors, dimmed) in colors.iter_mut().zip(&highlights.dimmed).filter(|(_, dimmed)| !dimmed.is_empty())
-    {
-        *colors = colors.with(dimmed.clone());
-    }
+    let with = |changes: &[Vec<CellColor>]| -> Vec<Colors> {
+        let of_layer = |(i, layer): (usize, &SceneLayer)| match changes.get(i) {
+            Some(changes) if !changes.is_empty() => layer.colors.with(changes.clone()),
+            _ => layer.colors.clone(),
+        };
+        scene.layers.iter().enumerate().map(of_layer).collect()
+    };
+    let colors = with(&highlights.dimmed);
     if !sample_sets.is_empty() {
-        let drawn = scene.layers.iter().zip(&colors).map(|(layer, colors)| {
+        let swept = highlights.swept().map(with);
+        let drawn = scene.layers.iter().zip(swept.as_ref().unwrap_or(&colors)).map(|(layer, colors)| {
             widen::widened(&footprint, layer, colors, size, s_focus, simd).unwrap_or_else(|| colors.clone())
         });
         padded.set_colors(scene, &drawn.collect::<Vec<_>>(), &footprint, s_focus, simd);
-        cancel.check()?;
-    }
-    let lights = Size { channels: light_channels(size), ..size };
-    if highlights.any_hidden() {
-        let widened = |(layer, light): (&SceneLayer, &Vec<CellColor>)| {
-            (!light.is_empty()).then(|| {
-                let light = Colors::of_cells(lights, light.clone());
-                widen::widened(&light_footprint, layer, &light, lights, s_focus, simd).unwrap_or(light)
-            })
-        };
-        let light: Vec<_> = scene.layers.iter().zip(&highlights.light).map(widened).collect();
-        padded.set_light(&light, lights);
         cancel.check()?;
     }
 
@@ -107,24 +99,21 @@ pub fn render(
     let kernels = Kernels::new(&settings.aperture, s_focus, keys, level, cancel)?;
     let gather =
         disc::Gather { size, colors: &colors[0], s: &front.s, s_focus, kernels: &kernels, simd, cancel };
-    let drawing = Drawing { highlights: &highlights, kernels: &kernels, clip: clip.as_ref(), cancel };
-    let discs = Discs::new(&drawing, lights)?;
+    let pass = HighlightPass {
+        highlights: &highlights,
+        padded: &padded,
+        s_focus,
+        kernels: &kernels,
+        clip: clip.as_ref(),
+    };
 
-    let mut visibility = highlights.any_hidden().then(|| Visibility::new(lights, &scene.layers));
-    let mut lit = visibility.as_mut().map(Visibility::lights);
-    let mut lit = lit.as_mut().map_or(Vec::new(), |(size, lights)| split(lights, *size, TILE));
-    lit.resize_with(tiles.len(), || Tile { origin: (0, 0), rows: Vec::new() });
-    let slots = split(out, size, TILE).into_par_iter().zip(lit).zip(&tiles);
-    slots.enumerate().with_max_len(TILES_PER_TASK).try_for_each_init(
+    let mut slots = split(out, size, TILE);
+    slots.par_iter_mut().zip(&tiles).enumerate().with_max_len(TILES_PER_TASK).try_for_each_init(
         || {
-            (
-                Segments::default(),
-                disc::RunningSums::default(),
-                TileColor::new(size.channels),
-                Lit::new(lights),
-            )
+            let sums = disc::RunningSums::default();
+            (Segments::default(), sums, Differences::default(), TileColor::new(size.channels))
         },
-        |(segments, sums, color, light), (i, ((mut slot, mut lit), tile))| {
+        |(segments, sums, differences, color), (i, (slot, tile))| {
             cancel.check()?;
             match &tile.work {
                 Work::Copy => copy(picture, tile.origin, color),
@@ -142,31 +131,17 @@ pub fn render(
                         #[inline(always)]
                         || segments.trace(&start, samples),
                     );
-                    let sweep = Sweep { padded: &padded, origin: tile.origin, missed };
-                    let hidden_in_part = highlights.hidden_in_part.get(i) == Some(&true);
                     // SAFETY: the segments have just been traced there.
-                    unsafe {
-                        sweep::sweep(simd, &sweep, segments, color, hidden_in_part.then_some(&mut *light))
-                    };
-                    if hidden_in_part {
-                        light.write(&mut lit);
-                    }
+                    unsafe { sweep::sweep(simd, &padded, segments, tile.origin, missed, color) };
                 }
             }
+            with_channels!(light_channels(size), C => pass.draw::<C>(i, tile, differences, color));
             for (y, row) in slot.rows.iter_mut().enumerate() {
                 with_channels!(size.channels, C => interleave(color.row::<C>(y), row));
             }
             Ok(())
         },
-    )?;
-    let Some(discs) = discs else { return Ok(()) };
-    let slots = split(out, size, TILE).into_par_iter().zip(&tiles).enumerate();
-    slots.filter(|(_, (_, tile))| tile.work != Work::Copy).try_for_each(|(i, (mut slot, _))| {
-        cancel.check()?;
-        let visibility = visibility.as_ref().filter(|_| highlights.hidden_in_part[i]);
-        highlights::add(&discs, visibility, &mut slot, size.channels);
-        Ok(())
-    })
+    )
 }
 
 /// Renders a tile as the pinhole sees it: its layers composited.

@@ -3,7 +3,6 @@
 use super::culling::PatchBounds;
 use super::padded_colors::Drawn;
 use super::padded_layer::{PaddedLayer, Present};
-use crate::picture::Size;
 use crate::plan::lens::footprint::Footprint;
 use crate::plan::lens::padded_bounds;
 use crate::plan::lens::padding::Padding;
@@ -17,6 +16,8 @@ use crate::simd::Simd;
 pub struct Padded {
     pub padding: Padding,
     pub codes: DepthCodes,
+    /// The largest shift, in front of the focus plane or behind it.
+    pub reach_px: f64,
     pub layers: Vec<PaddedLayer>,
     pub bounds: DepthBounds,
     /// See [`padded_bounds::windows`].
@@ -31,6 +32,7 @@ impl Padded {
         scene: &LayeredScene,
         padding: Padding,
         bounds: DepthBounds,
+        reach_px: f64,
         needed: &[bool],
         simd: Simd,
     ) -> Padded {
@@ -39,7 +41,7 @@ impl Padded {
             .map(|(k, (layer, d))| PaddedLayer::new(d, layer, &padding, Present::new(&bounds, k, needed)))
             .collect();
         let (windows, patches) = (padded_bounds::windows(&bounds), PatchBounds::new(&layers, &padding, simd));
-        Padded { padding, codes: scene.codes, layers, bounds, windows, patches }
+        Padded { padding, codes: scene.codes, reach_px, layers, bounds, windows, patches }
     }
 
     /// Lays out the colours of all layers, widened or sharpened to their footprint.
@@ -55,15 +57,5 @@ impl Padded {
         for (layer, padded) in self.layers.iter_mut().enumerate() {
             padded.set_colors(&drawn, layer, &self.padding);
         }
-    }
-
-    /// Lays out the light of the highlights of each layer; `None` for a layer that has none.
-    pub fn set_light(&mut self, light: &[Option<Colors>], size: Size) {
-        for (padded, light) in self.layers.iter_mut().zip(light) {
-            if let Some(light) = light {
-                padded.set_light(light, size, &self.padding);
-            }
-        }
-        self.patches.set_light(&self.layers, &self.padding);
     }
 }

@@ -144,24 +144,6 @@ fn sharpen(rows: &Rows, chunk: &Range<usize>, kappa: &[f32; CHUNK], out: &mut [f
 }
 
 impl PaddedLayer {
-    /// Lays out the light of this layer's highlights. The margin has none.
-    pub fn set_light(&mut self, light: &Colors, size: Size, padding: &Padding) {
-        let cells = padding.stride * padding.rows;
-        self.light = (0..size.channels).map(|_| Buffer::full(cells, 0.0)).collect();
-        let (first, stride) = (padding.pad * padding.stride, padding.stride);
-        let frame = first..first + size.height * stride;
-        let rows = bands(self.light.iter_mut().map(|plane| &mut plane[frame.clone()]), stride);
-        rows.into_par_iter().enumerate().for_each_init(
-            || vec![0.0; size.width * size.channels],
-            |row, (y, mut planes)| {
-                light.copy_row(y, 0..size.width, size.width, row);
-                for (plane, row) in planes.iter_mut().zip(row.chunks(size.width)) {
-                    plane[padding.pad..][..size.width].copy_from_slice(row);
-                }
-            },
-        );
-    }
-
     /// Lays out the colours of this layer, number `layer`.
     pub fn set_colors(&mut self, drawn: &Drawn, layer: usize, padding: &Padding) {
         let (size, pad, stride) = (drawn.size, padding.pad, padding.stride);

@@ -5,6 +5,7 @@ use crate::plan::lens::padding::Padding;
 use crate::scene::depth_bounds::DepthBounds;
 use crate::scene::depth_spans::DepthSpans;
 use crate::scene::grid::BLOCK;
+use crate::scene::half_plane::area_below;
 use crate::scene::layer::SceneLayer;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -44,6 +45,16 @@ impl PartialPlanes {
             }
         });
         planes
+    }
+
+    /// The fraction of a beam one pixel wide that cell `i` hides, if the beam passes it at the offset `at` from its
+    /// centre.
+    pub fn covered(&self, i: usize, at: [f32; 2]) -> f32 {
+        if self.bits[i / 8] >> (i % 8) & 1 == 0 {
+            return 1.0;
+        }
+        let normal = [self.normal_x[i], self.normal_y[i]];
+        area_below(normal, self.cut[i] - (normal[0] * at[0] + normal[1] * at[1]))
     }
 }
 
@@ -88,8 +99,6 @@ pub struct PaddedLayer {
     pub hi: Buffer<u16>,
     /// Colour planes; defined only where there is a cell.
     pub color: Vec<Buffer<f32>>,
-    /// Planes of the light of highlights, 0 outside of the frame; empty if the layer has none.
-    pub light: Vec<Buffer<f32>>,
     pub partial: PartialPlanes,
     pub(super) present: Present,
 }
@@ -133,7 +142,6 @@ impl PaddedLayer {
             lo,
             hi,
             color: Vec::new(),
-            light: Vec::new(),
             partial: PartialPlanes::new(layer, padding, &present),
             present,
         }

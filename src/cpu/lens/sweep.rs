@@ -9,17 +9,13 @@ use super::lanes::{CellRay, HalfPlaneRow, Lanes, Portable};
 use super::padded::Padded;
 use super::padded_layer::{PaddedLayer, PartialPlanes};
 use super::tile_color::TileColor;
-use crate::cpu::tiles::Tile;
-use crate::picture::Size;
 use crate::plan::lens::Missed;
-use crate::plan::lens::highlights::same_surface;
 use crate::plan::lens::lens_samples::LensSample;
 use crate::plan::lens::optical_vignetting::{PupilClip, Seen};
 use crate::plan::lens::ray::Ray;
 use crate::scene::depth_bounds::{DepthBits, any_bin};
 use crate::scene::grid::{BLOCK, TILE};
 use crate::simd::{InstructionSet, Simd};
-use std::ops::Range;
 
 /// Rows of a tile that are swept together.
 const ROWS: usize = 2;
@@ -34,9 +30,7 @@ struct Segment {
     /// Depth codes `from .. to`.
     from: u16,
     to: u16,
-    layer: u16,
-    /// Whether its cells may have the light of a highlight.
-    is_lit: bool,
+    layer: u32,
     /// The segment's own number.
     number: u32,
 }
@@ -117,9 +111,8 @@ impl Segments {
         std::array::from_fn(|row| (self.seen[sample][y + row] >> x) as u32)
     }
 
-    /// Culls the segments for the part of the tile that begins at `place` in the padded frame. If `lit`, those with the
-    /// light of highlights are kept even where they are hidden.
-    fn cull(&mut self, patches: &PatchBounds, place: (usize, usize), lit: bool) {
+    /// Culls the segments for the part of the tile that begins at `place` in the padded frame.
+    fn cull(&mut self, patches: &PatchBounds, place: (usize, usize)) {
         let Segments { traced, ends, met, kept, unknown, seen } = self;
         let entry = patches.entry(place);
         // There is room for all segments, so keeping one only increments a counter.
@@ -130,21 +123,19 @@ impl Segments {
         unknown.clear();
         let (mut start, mut n) = (0, 0);
         for (sample, &end) in ends.iter().enumerate() {
-            let (first, mut all, mut any_lit) = (n, false, false);
+            let (first, mut all) = (n, false);
             for Traced { segment, query, .. } in &traced[start..end as usize] {
                 let occupancy = patches.occupancy(entry, query);
-                let is_lit = lit && patches.is_lit(entry, query);
-                kept[n] = Segment { is_lit, ..*segment };
-                n += usize::from((occupancy.any & !all) | is_lit);
-                any_lit |= is_lit;
-                all |= occupancy.all;
-                if all && !lit {
+                kept[n] = *segment;
+                n += usize::from(occupancy.any);
+                if occupancy.all {
                     // All segments behind this one are hidden.
+                    all = true;
                     break;
                 }
             }
             start = end as usize;
-            if all && !any_lit && n == first + 1 && seen.is_empty() {
+            if all && n == first + 1 && seen.is_empty() {
                 met.push(kept[first]);
                 n = first;
             } else {
@@ -196,10 +187,10 @@ impl Segments {
                     if any_bin(bits, from >> 8, (to - 1) >> 8) {
                         let offset = cell[1] * padded.padding.stride as i32 + cell[0];
                         let [bx, by] = ray.base_from(cell);
-                        let (from, to, layer_number) = (from as u16, to as u16, layer as u16);
+                        let (from, to, layer_number) = (from as u16, to as u16, layer as u32);
                         let number = self.traced.len() as u32;
                         self.traced.push(Traced {
-                            segment: Segment { offset, from, to, layer: layer_number, is_lit: false, number },
+                            segment: Segment { offset, from, to, layer: layer_number, number },
                             query: padded.patches.query(cell, layer, from, to),
                             ray: CellRay { ax: ray.slope[0] as f32, bx, ay: ray.slope[1] as f32, by },
                         });
@@ -210,22 +201,18 @@ impl Segments {
     }
 }
 
-/// The data of a layer that the sweep reads: `C` channels of colour, and `E` of the light of highlights.
-struct Planes<'a, const C: usize, const E: usize> {
+/// The data of a layer that the sweep reads.
+struct Planes<'a, const C: usize> {
     lo: *const u16,
     hi: *const u16,
     color: [*const f32; C],
-    /// Null if the layer has no such light; then no segment of it is lit.
-    light: [*const f32; E],
     partial: &'a PartialPlanes,
 }
 
-impl<const C: usize, const E: usize> Planes<'_, C, E> {
-    fn of(layer: &PaddedLayer) -> Planes<'_, C, E> {
+impl<const C: usize> Planes<'_, C> {
+    fn of(layer: &PaddedLayer) -> Planes<'_, C> {
         let color = std::array::from_fn(|c| layer.color[c].as_ptr());
-        let light =
-            std::array::from_fn(|c| layer.light.get(c).map_or(std::ptr::null(), |plane| plane.as_ptr()));
-        Planes { lo: layer.lo.as_ptr(), hi: layer.hi.as_ptr(), color, light, partial: &layer.partial }
+        Planes { lo: layer.lo.as_ptr(), hi: layer.hi.as_ptr(), color, partial: &layer.partial }
     }
 
     /// The cells of a row, starting at `at`, that cover their pixel only partly.
@@ -266,103 +253,6 @@ impl<const C: usize, const E: usize> Planes<'_, C, E> {
     }
 }
 
-/// Cells of one layer that a sample meets: the cells of `rows` from `first` on.
-#[derive(Clone, Copy)]
-struct Met {
-    layer: u16,
-    /// Index of the first cell in the padded frame.
-    first: usize,
-    rows: [u32; ROWS],
-}
-
-/// The light of highlights that samples meet.
-struct Lights<const E: usize> {
-    /// The light that is met, and the light that would be met if nothing stood in between.
-    met: [[[f32; MOST]; E]; ROWS],
-    all: [[[f32; MOST]; E]; ROWS],
-    /// The cells that the current sample has met.
-    in_front: Vec<Met>,
-}
-
-impl<const E: usize> Lights<E> {
-    fn new() -> Lights<E> {
-        Lights { met: [[[0.0; MOST]; E]; ROWS], all: [[[0.0; MOST]; E]; ROWS], in_front: Vec::new() }
-    }
-
-    fn clear(&mut self) {
-        self.met.as_flattened_mut().as_flattened_mut().fill(0.0);
-        self.all.as_flattened_mut().as_flattened_mut().fill(0.0);
-    }
-
-    /// Adds the light of the cells that rays pass within the codes `from .. to`. Those that are not `open` are behind
-    /// cells that the sample has met. However deep its span, a cell gives its light at the middle of it, so that the
-    /// light without anything in between is that of the exact disc.
-    ///
-    /// # Safety
-    ///
-    /// The cells lie inside the padded arrays, and the layer has light.
-    unsafe fn add<const C: usize>(
-        &mut self,
-        layers: &[Planes<C, E>],
-        Met { layer, first, rows }: Met,
-        open: [u32; ROWS],
-        codes: Range<u16>,
-        scale: &Scale,
-    ) {
-        for row in 0..ROWS {
-            let mut left = rows[row];
-            while left != 0 {
-                let lane = left.trailing_zeros() as usize;
-                left &= left - 1;
-                let at = row * scale.stride + lane;
-                // SAFETY: per the function's contract.
-                let (lo, hi, light) = unsafe {
-                    let lit = layers.get_unchecked(usize::from(layer));
-                    let cell = first + at;
-                    (*lit.lo.add(cell), *lit.hi.add(cell), lit.light.map(|plane| *plane.add(cell)))
-                };
-                if !codes.contains(&lo.midpoint(hi)) {
-                    continue;
-                }
-                let blocker = || self.in_front.iter().find(|met| met.rows[row] >> lane & 1 != 0);
-                let visible = match if open[row] >> lane & 1 != 0 { None } else { blocker() } {
-                    None => 1.0,
-                    Some(met) if met.layer != layer => 0.0,
-                    Some(met) => {
-                        // SAFETY: the sample has met this cell.
-                        let farthest =
-                            unsafe { *layers.get_unchecked(usize::from(layer)).lo.add(met.first + at) };
-                        let px = |codes: u16| f32::from(codes) * scale.px_per_code;
-                        let distance = scale.distance(met.first, first);
-                        same_surface(px(farthest.saturating_sub(hi)), px(hi - lo), distance)
-                    }
-                };
-                for c in 0..E {
-                    self.all[row][c][lane] += light[c];
-                    self.met[row][c][lane] += visible * light[c];
-                }
-            }
-        }
-    }
-}
-
-/// The measures of a padded frame.
-#[derive(Clone, Copy)]
-struct Scale {
-    /// Cells from one row to the next.
-    stride: usize,
-    px_per_code: f32,
-}
-
-impl Scale {
-    /// The chessboard distance between two cells that are not farther apart than half a row.
-    fn distance(&self, a: usize, b: usize) -> f32 {
-        let (apart, half) = (a.abs_diff(b), self.stride / 2);
-        let down = (apart + half) / self.stride;
-        down.max(apart.abs_diff(down * self.stride)) as f32
-    }
-}
-
 /// Sweeps `CELLS` x `ROWS` pixels and adds up every sample. The first pixel is at `at_tile` in the tile and at `base`
 /// in the padded frame.
 ///
@@ -371,21 +261,20 @@ impl Scale {
 /// The instructions of `L` have been detected, segments have been culled, and every segment's cells lie inside the
 /// padded arrays.
 #[inline(always)]
-unsafe fn sweep_rows<L: Lanes, const C: usize, const E: usize>(
-    layers: &[Planes<C, E>],
-    scale: Scale,
+unsafe fn sweep_rows<L: Lanes, const C: usize>(
+    layers: &[Planes<C>],
+    stride: usize,
     segments: &Segments,
-    (at_tile, base): ((usize, usize), usize),
+    at_tile: (usize, usize),
+    base: usize,
     sums: &mut [[[f32; MOST]; C]; ROWS],
     missed: &mut [[u16; MOST]; ROWS],
-    lights: &mut Lights<E>,
 ) {
-    let stride = scale.stride;
     // SAFETY: per the function's contract.
     unsafe {
         let mut sum = [[L::zero(); C]; ROWS];
         for met in &segments.met {
-            let layer = layers.get_unchecked(usize::from(met.layer));
+            let layer = layers.get_unchecked(met.layer as usize);
             let first = base.wrapping_add_signed(met.offset as isize);
             for row in 0..ROWS {
                 for c in 0..C {
@@ -403,48 +292,24 @@ unsafe fn sweep_rows<L: Lanes, const C: usize, const E: usize>(
                 let seen = segments.seen_by(sample as usize, at_tile);
                 waiting = [L::mask(seen[0]), L::mask(seen[1])];
             }
-            let seeing = waiting;
-            if E > 0 {
-                lights.in_front.clear();
-            }
             for segment in kept {
-                let layer = layers.get_unchecked(usize::from(segment.layer));
+                let layer = layers.get_unchecked(segment.layer as usize);
                 let first = base.wrapping_add_signed(segment.offset as isize);
-                let hits_of = |of: [L::Mask; ROWS]| {
-                    let mut hits = of;
-                    for row in 0..ROWS {
-                        let at = first + row * stride;
-                        hits[row] =
-                            L::hits(of[row], layer.lo.add(at), layer.hi.add(at), segment.from, segment.to);
-                    }
-                    let any = L::bits(L::union(hits[0], hits[1]));
-                    if (layer.partial(first) | layer.partial(first + stride)) & any != 0 {
-                        let ray = segments.traced.get_unchecked(segment.number as usize).ray;
-                        for row in 0..ROWS {
-                            hits[row] = layer.covering::<L>(hits[row], first + row * stride, ray);
-                        }
-                    }
-                    (any, hits)
-                };
-                let (any, hits) = if E > 0 && segment.is_lit {
-                    let (any, all) = hits_of(seeing);
-                    let mut open = all;
-                    for row in 0..ROWS {
-                        open[row] = L::without(all[row], L::without(all[row], waiting[row]));
-                    }
-                    if any != 0 {
-                        let [rows, open] = [all, open].map(|of| of.map(|row| L::bits(row)));
-                        let passed = Met { layer: segment.layer, first, rows };
-                        lights.add(layers, passed, open, segment.from..segment.to, &scale);
-                    }
-                    (any, open)
-                } else if L::is_none(L::union(waiting[0], waiting[1])) {
-                    continue;
-                } else {
-                    hits_of(waiting)
-                };
+                let mut hits = waiting;
+                for row in 0..ROWS {
+                    let at = first + row * stride;
+                    hits[row] =
+                        L::hits(waiting[row], layer.lo.add(at), layer.hi.add(at), segment.from, segment.to);
+                }
+                let any = L::bits(L::union(hits[0], hits[1]));
                 if any == 0 {
                     continue;
+                }
+                if (layer.partial(first) | layer.partial(first + stride)) & any != 0 {
+                    let ray = segments.traced.get_unchecked(segment.number as usize).ray;
+                    for row in 0..ROWS {
+                        hits[row] = layer.covering::<L>(hits[row], first + row * stride, ray);
+                    }
                 }
                 for row in 0..ROWS {
                     for c in 0..C {
@@ -453,10 +318,7 @@ unsafe fn sweep_rows<L: Lanes, const C: usize, const E: usize>(
                     }
                     waiting[row] = L::without(waiting[row], hits[row]);
                 }
-                if E > 0 {
-                    let rows = hits.map(|row| L::bits(row));
-                    lights.in_front.push(Met { layer: segment.layer, first, rows });
-                } else if L::is_none(L::union(waiting[0], waiting[1])) {
+                if L::is_none(L::union(waiting[0], waiting[1])) {
                     continue 'samples;
                 }
             }
@@ -482,39 +344,26 @@ unsafe fn sweep_rows<L: Lanes, const C: usize, const E: usize>(
 ///
 /// As for [`sweep_rows`].
 #[inline(always)]
-unsafe fn sweep_tile<L: Lanes, const C: usize, const E: usize>(
-    sweep: &Sweep,
+unsafe fn sweep_tile<L: Lanes, const C: usize>(
+    padded: &Padded,
     segments: &mut Segments,
+    origin: (usize, usize),
+    missed_rule: Missed,
     out: &mut TileColor,
-    mut light: Option<&mut Lit>,
 ) {
-    let Sweep { padded, origin, missed: missed_rule } = *sweep;
-    let layers: Vec<Planes<C, E>> = padded.layers.iter().map(Planes::of).collect();
+    let layers: Vec<Planes<C>> = padded.layers.iter().map(Planes::of).collect();
     let stride = padded.padding.stride;
-    let scale = Scale { stride, px_per_code: padded.codes.step() as f32 };
-    let mut lights = Lights::new();
     for (x, part_y) in parts() {
         let place = (origin.0 + padded.padding.pad + x, origin.1 + padded.padding.pad + part_y);
-        segments.cull(&padded.patches, place, E > 0);
+        segments.cull(&padded.patches, place);
         let columns = || (x..x + PART.0).step_by(L::CELLS);
         let rows = (part_y..part_y + PART.1).step_by(ROWS);
         for (x, y) in rows.flat_map(|y| columns().map(move |x| (x, y))) {
             let base = padded.padding.index(origin.0 + x, origin.1 + y);
             let mut sums = [[[0.0; MOST]; C]; ROWS];
             let mut missed = [[0u16; MOST]; ROWS];
-            lights.clear();
             // SAFETY: per the function's contract.
-            unsafe {
-                sweep_rows::<L, C, E>(
-                    &layers,
-                    scale,
-                    segments,
-                    ((x, y), base),
-                    &mut sums,
-                    &mut missed,
-                    &mut lights,
-                );
-            }
+            unsafe { sweep_rows::<L, C>(&layers, stride, segments, (x, y), base, &mut sums, &mut missed) };
             for row in 0..ROWS {
                 for lane in 0..L::CELLS {
                     let samples = segments.seen_from(x + lane, y + row) as f32;
@@ -531,12 +380,6 @@ unsafe fn sweep_tile<L: Lanes, const C: usize, const E: usize>(
                             padded.layers[0].color[c][base + row * stride + lane]
                         };
                     }
-                    if let Some(light) = &mut light {
-                        for c in 0..E {
-                            light.met.planes[c][at] = lights.met[row][c][lane];
-                            light.all.planes[c][at] = lights.all[row][c][lane];
-                        }
-                    }
                 }
             }
         }
@@ -549,41 +392,8 @@ fn parts() -> impl Iterator<Item = (usize, usize)> {
     rows.flat_map(|y| (0..TILE.0).step_by(PART.0).map(move |x| (x, y)))
 }
 
-/// The sweep of one tile.
-#[derive(Clone, Copy)]
-pub struct Sweep<'a> {
-    pub padded: &'a Padded,
-    /// The first pixel of the tile.
-    pub origin: (usize, usize),
-    pub missed: Missed,
-}
-
-/// The light of highlights that samples meet in a tile: what they meet, and what they would meet if nothing stood in
-/// between.
-pub struct Lit {
-    met: TileColor,
-    all: TileColor,
-}
-
-impl Lit {
-    /// The light of the channels of `size`.
-    pub fn new(size: Size) -> Lit {
-        Lit { met: TileColor::new(size.channels), all: TileColor::new(size.channels) }
-    }
-
-    /// Writes the channels of both into each pixel of a tile of the frame.
-    pub fn write(&self, out: &mut Tile) {
-        let planes = || self.met.planes.iter().chain(&self.all.planes);
-        for (y, row) in out.rows.iter_mut().enumerate() {
-            for (x, pixel) in row.chunks_exact_mut(planes().count()).enumerate() {
-                pixel.iter_mut().zip(planes()).for_each(|(out, plane)| *out = plane[y * TILE.0 + x]);
-            }
-        }
-    }
-}
-
-/// One compiled sweep: an instruction set, a number of channels, and whether it adds up light.
-type SweepFn = unsafe fn(&Sweep, &mut Segments, &mut TileColor, Option<&mut Lit>);
+/// One compiled sweep: an instruction set and a number of channels.
+type SweepFn = unsafe fn(&Padded, &mut Segments, (usize, usize), Missed, &mut TileColor);
 
 macro_rules! instantiate {
     ($($name:ident, $lanes:ty, $($feature:literal)?;)*) => {
@@ -592,14 +402,15 @@ macro_rules! instantiate {
             ///
             /// As for [`sweep_tile`].
             $(#[target_feature(enable = $feature)])?
-            unsafe fn $name<const C: usize, const E: usize>(
-                sweep: &Sweep,
+            unsafe fn $name<const C: usize>(
+                padded: &Padded,
                 segments: &mut Segments,
+                origin: (usize, usize),
+                missed: Missed,
                 out: &mut TileColor,
-                light: Option<&mut Lit>,
             ) {
                 // SAFETY: per the function's contract.
-                unsafe { sweep_tile::<$lanes, C, E>(sweep, segments, out, light) }
+                unsafe { sweep_tile::<$lanes, C>(padded, segments, origin, missed, out) }
             }
         )*
     };
@@ -614,38 +425,40 @@ instantiate! {
     avx512, super::lanes::Avx512, "avx512f,avx512bw";
 }
 
-/// The instances for 1 to 4 channels, without light and with that of the channels that hold light.
 macro_rules! by_channels {
     ($name:ident) => {
-        [
-            [$name::<1, 0>, $name::<2, 0>, $name::<3, 0>, $name::<4, 0>],
-            [$name::<1, 1>, $name::<2, 1>, $name::<3, 3>, $name::<4, 3>],
-        ]
+        [$name::<1>, $name::<2>, $name::<3>, $name::<4>]
     };
 }
 
-/// Sweeps a tile over all samples of `segments`, and adds up the `light` of highlights, if it is asked for.
-///
-/// # Safety
-///
-/// The segments were traced in the same padded scene, from the tile's first pixel: the padding is at least as wide as
-/// the largest shift plus the half pixel of a ray's start, so that every segment stays inside.
-pub unsafe fn sweep(
-    simd: Simd,
-    sweep: &Sweep,
-    segments: &mut Segments,
-    out: &mut TileColor,
-    light: Option<&mut Lit>,
-) {
-    let instances: [[SweepFn; 4]; 2] = match simd.instruction_set() {
+/// The sweep for an instruction set and a number of channels.
+fn sweep_for(simd: Simd, channels: usize) -> SweepFn {
+    let by_channels: [SweepFn; 4] = match simd.instruction_set() {
         InstructionSet::Portable => by_channels!(portable),
         #[cfg(target_arch = "x86_64")]
         InstructionSet::Avx2 => by_channels!(avx2),
         #[cfg(target_arch = "x86_64")]
         InstructionSet::Avx512 => by_channels!(avx512),
     };
-    let instance = instances[usize::from(light.is_some())][out.planes.len() - 1];
+    by_channels[channels - 1]
+}
+
+/// Sweeps the tile at `origin` over all samples of `segments`.
+///
+/// # Safety
+///
+/// The segments were traced in `padded`, from the tile at `origin`: the padding is at least as wide as the largest
+/// shift plus the half pixel of a ray's start, so that every segment stays inside.
+pub unsafe fn sweep(
+    simd: Simd,
+    padded: &Padded,
+    segments: &mut Segments,
+    origin: (usize, usize),
+    missed: Missed,
+    out: &mut TileColor,
+) {
+    let sweep = sweep_for(simd, out.planes.len());
     // SAFETY: the instructions have been detected, otherwise this `Simd` would not exist; the rest is this function's
     // contract.
-    unsafe { instance(sweep, segments, out, light) }
+    unsafe { sweep(padded, segments, origin, missed, out) }
 }

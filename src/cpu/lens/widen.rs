@@ -2,7 +2,7 @@
 
 use crate::memory::Buffer;
 use crate::picture::Size;
-use crate::plan::lens::footprint::{Footprint, MAX_WEIGHT};
+use crate::plan::lens::footprint::{Footprint, MAX_WEIGHT, NEXT_CELLS, REACHES};
 use crate::rows::bands;
 use crate::scene::colors::Colors;
 use crate::scene::edges::CONNECTED_PX;
@@ -22,22 +22,28 @@ pub fn widened(
     s_focus: f64,
     simd: Simd,
 ) -> Option<Colors> {
-    footprint.passes().next()?;
+    if footprint.table().iter().all(|v| *v <= NEXT_CELLS) {
+        return None;
+    }
     let n = size.pixels();
     let shift = |s: f32| (f64::from(s) - s_focus) as f32;
     let wanted = Buffer::of_each(&layer.s, |&s| {
-        if s.is_nan() { 0.0 } else { (footprint.variance(shift(s)) - footprint.next_cells).max(0.0) }
+        if s.is_nan() { 0.0 } else { (footprint.variance(shift(s)) - NEXT_CELLS).max(0.0) }
     });
-    let colored = colored_rows(colors, size, footprint.passes().map(|(reach, ..)| reach).sum());
+    let most = wanted.par_iter().copied().reduce(|| 0.0, f32::max);
+
+    let mut done = 0.0f32;
     let (mut color, mut source) = (Buffer::unset(n * size.channels), colors.to_planes());
-    for (reach, done, per_weight) in footprint.passes() {
+    for reach in REACHES {
+        if most <= done {
+            break;
+        }
+        // Weights w of neighbours at distance h add the variance 2 w h^2.
+        let per_weight = 2.0 * (reach * reach) as f32;
         let pass = Pass { s: &layer.s, wanted: &wanted, done, per_weight, reach, size };
         bands(color.chunks_mut(n), size.width).into_par_iter().enumerate().for_each_init(
             || vec![0.0; size.width],
             |weights, (y, mut out)| {
-                if !colored[y] {
-                    return out.iter_mut().for_each(|row| row.fill(0.0));
-                }
                 simd.run(
                     #[inline(always)]
                     || pass.row(&source, y, weights, &mut out),
@@ -45,20 +51,9 @@ pub fn widened(
             },
         );
         std::mem::swap(&mut color, &mut source);
+        done += MAX_WEIGHT * per_weight;
     }
     Some(Colors::new(size, Arc::new(source)))
-}
-
-/// The rows that may have a colour after widening by `reach` pixels: all of them, or those near listed cells.
-fn colored_rows(colors: &Colors, size: Size, reach: usize) -> Vec<bool> {
-    let mut colored = vec![!colors.is_list(); size.height];
-    if colors.is_list() {
-        for y in (0..size.height).filter(|y| !colors.listed(y * size.width..(y + 1) * size.width).is_empty())
-        {
-            colored[y.saturating_sub(reach)..(y + reach + 1).min(size.height)].fill(true);
-        }
-    }
-    colored
 }
 
 /// One widening pass: diffusion to four neighbours at a distance, along each surface.

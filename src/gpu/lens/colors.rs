@@ -6,7 +6,7 @@ use crate::gpu::commands::Bound::{Read, Write};
 use crate::gpu::commands::{Commands, GROUP, groups, pixels};
 use crate::gpu::shader::{Shader, shader, shared};
 use crate::plan::lens::Plan;
-use crate::plan::lens::footprint::{self, MAX_WEIGHT, STEPS_PER_PX};
+use crate::plan::lens::footprint::{MAX_WEIGHT, NEXT_CELLS, REACHES, STEPS_PER_PX};
 use crate::scene::colors::CellColor;
 use crate::scene::edges::CONNECTED_PX;
 
@@ -83,114 +83,33 @@ impl Dim {
 
 /// The colours, with those of the `dimmed` cells of each layer replaced.
 pub fn dim(commands: &mut Commands, cells: &Cells, dimmed: &[Vec<CellColor>]) -> Result<Dim> {
-    if dimmed.iter().all(Vec::is_empty) {
-        return Ok(Dim::Same);
-    }
-    let colors = commands.scratch::<[f32; 4]>("the colours without highlights", cells.len())?;
-    commands.copy(&cells.colors, &colors);
-    replace(commands, cells, dimmed, &colors)?;
-    Ok(Dim::Copy(colors))
-}
-
-/// The light of the highlights of each layer, widened to its footprint.
-pub fn light(
-    commands: &mut Commands,
-    cells: &Cells,
-    plan: &Plan,
-    light: &[Vec<CellColor>],
-) -> Result<wgpu::Buffer> {
-    let narrow = commands.scratch::<[f32; 4]>("the light of highlights", cells.len())?;
-    commands.clear(&narrow);
-    replace(commands, cells, light, &narrow)?;
-    let footprint = Footprints::new(commands, &plan.light_footprint, plan.s_focus)?;
-    Ok(footprint.widened(commands, cells, &narrow)?.0.unwrap_or(narrow))
-}
-
-/// Replaces the colours of some cells of each layer.
-fn replace(
-    commands: &mut Commands,
-    cells: &Cells,
-    by_layer: &[Vec<CellColor>],
-    colors: &wgpu::Buffer,
-) -> Result<()> {
-    let layers = (0..).step_by(cells.size.pixels()).zip(by_layer);
+    let layers = (0..).step_by(cells.size.pixels()).zip(dimmed);
     let replacements: Vec<Replacement> = layers
-        .flat_map(|(first, cells)| {
-            cells.iter().map(move |cell| Replacement {
+        .flat_map(|(first, dimmed)| {
+            dimmed.iter().map(move |cell| Replacement {
                 color: cell.color,
                 index: (first + cell.index) as u32,
                 _end: [0; 3],
             })
         })
         .collect();
+    if replacements.is_empty() {
+        return Ok(Dim::Same);
+    }
+    let gpu = commands.gpu;
+    let colors = commands.scratch::<[f32; 4]>("the colours without highlights", cells.len())?;
+    commands.copy(&cells.colors, &colors);
     let side = (replacements.len() as f64).sqrt().ceil() as usize;
     let params = ReplaceParams { count: replacements.len() as u32 };
-    let replacements = commands.gpu.upload("the cells of highlights", &replacements)?;
+    let replacements = gpu.upload("the cells of highlights", &replacements)?;
     commands.pass(
         &REPLACE_COLORS,
         cells.size.channels,
         &params,
-        &[Read(&replacements), Write(colors)],
+        &[Read(&replacements), Write(&colors)],
         groups(side.next_multiple_of(GROUP), side),
-    )
-}
-
-/// A table of footprints on the device.
-struct Footprints<'a> {
-    table: &'a footprint::Footprint,
-    params: Footprint,
-    variances: wgpu::Buffer,
-}
-
-impl Footprints<'_> {
-    fn new<'a>(commands: &Commands, table: &'a footprint::Footprint, s_focus: f64) -> Result<Footprints<'a>> {
-        let variances = commands.gpu.upload("the table of footprints", table.table())?;
-        let params = Footprint {
-            s_focus: s_focus as f32,
-            steps_per_px: STEPS_PER_PX,
-            entries: table.table().len() as u32,
-            next_cells: table.next_cells,
-        };
-        Ok(Footprints { table, params, variances })
-    }
-
-    /// The colours after all passes of widening, if there are any, and a buffer to spare.
-    fn widened(
-        &self,
-        commands: &mut Commands,
-        cells: &Cells,
-        colors: &wgpu::Buffer,
-    ) -> Result<(Option<wgpu::Buffer>, Option<wgpu::Buffer>)> {
-        let (mut widened, mut spare): (Option<wgpu::Buffer>, Option<wgpu::Buffer>) = (None, None);
-        for (reach, done, per_weight) in self.table.passes() {
-            let params = WidenParams {
-                size: pixels(cells.size),
-                reach: reach as i32,
-                done,
-                per_weight,
-                max_weight: MAX_WEIGHT,
-                connected_px: CONNECTED_PX,
-                _gap: 0,
-                footprint: self.params,
-            };
-            let target = spare.take().map_or_else(|| drawn_buffer(commands, cells), Ok)?;
-            let source = widened.as_ref().unwrap_or(colors);
-            let buffers = [Read(&self.variances), Read(&cells.shifts), Read(source), Write(&target)];
-            commands.pass(&WIDEN, cells.size.channels, &params, &buffers, on_all(cells))?;
-            spare = widened.replace(target);
-        }
-        Ok((widened, spare))
-    }
-}
-
-fn drawn_buffer(commands: &mut Commands, cells: &Cells) -> Result<wgpu::Buffer> {
-    commands.scratch::<[f32; 4]>("the colours as they are drawn", cells.len())
-}
-
-/// Workgroups for every cell of every layer.
-fn on_all(cells: &Cells) -> [u32; 3] {
-    let [across, down, _] = groups(cells.size.width, cells.size.height);
-    [across, down, cells.layers as u32]
+    )?;
+    Ok(Dim::Copy(colors))
 }
 
 /// The colours, widened or sharpened to their footprint.
@@ -200,23 +119,54 @@ pub fn drawn(
     plan: &Plan,
     colors: &wgpu::Buffer,
 ) -> Result<wgpu::Buffer> {
-    let footprint = Footprints::new(commands, &plan.footprint, plan.s_focus)?;
-    let (widened, spare) = footprint.widened(commands, cells, colors)?;
-    let params = SharpenParams {
-        size: pixels(cells.size),
-        layers: cells.layers as u32,
-        connected_px: CONNECTED_PX,
-        footprint: footprint.params,
+    let gpu = commands.gpu;
+    let (size, channels) = (pixels(cells.size), cells.size.channels);
+    let table = plan.footprint.table();
+    let footprint = Footprint {
+        s_focus: plan.s_focus as f32,
+        steps_per_px: STEPS_PER_PX,
+        entries: table.len() as u32,
+        next_cells: NEXT_CELLS,
     };
-    let drawn = spare.map_or_else(|| drawn_buffer(commands, cells), Ok)?;
+    let variances = gpu.upload("the table of footprints", table)?;
+    let [across, down, _] = groups(cells.size.width, cells.size.height);
+    let on_all = [across, down, cells.layers as u32];
+    let buffer =
+        |commands: &mut Commands| commands.scratch::<[f32; 4]>("the colours as they are drawn", cells.len());
+
+    // Weights w of neighbours at distance h add the variance 2 w h^2.
+    let most = table.iter().copied().fold(0.0, f32::max) - NEXT_CELLS;
+    let mut done = 0.0f32;
+    let mut widened: Option<wgpu::Buffer> = None;
+    let mut spare: Option<wgpu::Buffer> = None;
+    for reach in REACHES {
+        if most <= done {
+            break;
+        }
+        let per_weight = 2.0 * (reach * reach) as f32;
+        let params = WidenParams {
+            size,
+            reach: reach as i32,
+            done,
+            per_weight,
+            max_weight: MAX_WEIGHT,
+            connected_px: CONNECTED_PX,
+            _gap: 0,
+            footprint,
+        };
+        let target = spare.take().map_or_else(|| buffer(commands), Ok)?;
+        let source = widened.as_ref().unwrap_or(colors);
+        let buffers = [Read(&variances), Read(&cells.shifts), Read(source), Write(&target)];
+        commands.pass(&WIDEN, channels, &params, &buffers, on_all)?;
+        spare = widened.replace(target);
+        done += MAX_WEIGHT * per_weight;
+    }
+
+    let params = SharpenParams { size, layers: cells.layers as u32, connected_px: CONNECTED_PX, footprint };
+    let drawn = spare.map_or_else(|| buffer(commands), Ok)?;
     let source = widened.as_ref().unwrap_or(colors);
-    let buffers = [
-        Read(&footprint.variances),
-        Read(&cells.shifts),
-        Read(&cells.connectivity),
-        Read(source),
-        Write(&drawn),
-    ];
-    commands.pass(&SHARPEN, cells.size.channels, &params, &buffers, on_all(cells))?;
+    let buffers =
+        [Read(&variances), Read(&cells.shifts), Read(&cells.connectivity), Read(source), Write(&drawn)];
+    commands.pass(&SHARPEN, channels, &params, &buffers, on_all)?;
     Ok(drawn)
 }

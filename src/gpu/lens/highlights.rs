@@ -1,4 +1,4 @@
-//! Highlights, drawn as exact discs of which a part is visible.
+//! Highlights, drawn as exact discs.
 
 use super::frame::{LensFrame, MAX_LOOPS, origin, per_pixel};
 use super::kernels::Kernels;
@@ -8,8 +8,9 @@ use crate::error::Result;
 use crate::gpu::commands::Bound::{Read, Write};
 use crate::gpu::commands::{Commands, pixels};
 use crate::gpu::shader::{Shader, shader, shared};
-use crate::plan::lens::highlights::{Highlights, OWN_WEIGHT, WINDOW};
-use crate::scene::edges::CONNECTED_PX;
+use crate::plan::lens::highlights::{Cluster, Highlights, OTHER_SURFACE_PX, SAME_SURFACE_PX};
+use crate::plan::lens::tiles::Work;
+use crate::scene::grid::BLOCK;
 
 pub const HIGHLIGHTS: Shader = shader!(
     "lens/highlights",
@@ -20,11 +21,17 @@ pub const HIGHLIGHTS: Shader = shader!(
 shared! {
     struct HighlightsParams {
         size: [u32; 2],
-        window: i32,
-        connected_px: f32,
-        own_weight: f32,
+        padded: [u32; 2],
+        pad: i32,
+        block: i32,
         layers: u32,
-        _gap: [u32; 2],
+        s_focus: f32,
+        reach_px: f32,
+        s_min: f32,
+        step: f32,
+        same_surface_px: f32,
+        other_surface_px: f32,
+        _gap: [u32; 3],
         second_stop: SecondStop,
     }
 }
@@ -36,6 +43,10 @@ shared! {
         t: f32,
         share: f32,
         kernels: [u32; 2],
+        middle: u32,
+        codes: u32,
+        farthest_and_layer: u32,
+        drawn: f32,
         _end: [u32; 2],
     }
 }
@@ -45,80 +56,104 @@ shared! {
         origin: [u32; 2],
         first: u32,
         count: u32,
-        is_hidden_in_part: u32,
+        is_swept: u32,
         _end: u32,
     }
 }
 
-/// Adds all highlights to the picture. `lights` tells how much of them is visible where some of it may not be.
+/// In place of the layer of a cluster of which nothing is hidden.
+pub const NOT_HIDDEN: u32 = 0xffff;
+
+/// Adds all highlights to the picture.
 pub fn pass(
     commands: &mut Commands,
     frame: &LensFrame,
     kernels: Kernels,
     highlights: &Highlights,
-    lights: Option<&wgpu::Buffer>,
     aperture: &Aperture,
 ) -> Result<()> {
-    let LensFrame { cells, plan, clip, picture, .. } = *frame;
+    let LensFrame { cells, codes, plan, clip, picture } = *frame;
     let gpu = commands.gpu;
     if highlights.all.is_empty() {
         return Ok(());
     }
-    // For each highlight, a pixel looks up two weights.
-    let at_once = (MAX_LOOPS / (2 * kernels.widest_row + 1)).max(1);
+    let pad = plan.padding.pad as i32;
+    // For each highlight, a pixel looks up two weights; for each cluster, it follows a ray.
+    let loops_each = plan.reach_px.ceil() as usize * 2 * (1 + cells.layers) + 2 * kernels.widest_row + 2;
+    let at_once = (MAX_LOOPS / loops_each).max(1);
     let mut lists: Vec<u32> = Vec::new();
     let mut passes: Vec<Vec<Tile>> = Vec::new();
-    let listed = highlights.by_tile.iter().zip(&highlights.hidden_in_part);
-    for (tile, (list, &hidden)) in plan.tiles.iter().zip(listed) {
+    for (i, tile) in plan.tiles.iter().enumerate() {
+        let list: Vec<u32> =
+            highlights.of_tile(i).flat_map(|cluster| cluster.members.clone()).map(|i| i as u32).collect();
         for (i, part) in list.chunks(at_once).enumerate() {
             passes.resize_with(passes.len().max(i + 1), Vec::new);
             let (first, count) = (lists.len() as u32, part.len() as u32);
-            let is_hidden_in_part = hidden.into();
-            passes[i].push(Tile { origin: origin(tile.origin), first, count, is_hidden_in_part, _end: 0 });
+            let is_swept = (tile.work != Work::Disc).into();
+            passes[i].push(Tile { origin: origin(tile.origin), first, count, is_swept, _end: 0 });
             lists.extend(part);
         }
     }
+    let of_cluster = |cluster: &Cluster| {
+        let [farthest, nearest] = cluster.span.map(u32::from);
+        let layer = highlights.all[cluster.middle].layer as u32;
+        let layer = if cluster.hidden_in_part { layer } else { NOT_HIDDEN };
+        let words = [u32::from(cluster.code) | nearest << 16, farthest | layer << 16];
+        let middle = cluster.middle as u32;
+        cluster.members.clone().map(move |_| (middle, words))
+    };
     let all: Vec<Highlight> = highlights
         .all
         .iter()
+        .zip(highlights.clusters.iter().flat_map(of_cluster))
         .zip(&kernels.of_highlights)
-        .map(|(highlight, kernels)| Highlight {
+        .map(|((highlight, (middle, [codes, farthest_and_layer])), kernels)| Highlight {
             light: highlight.excess,
             place: [highlight.x, highlight.y],
             t: highlight.t as f32,
             share: highlight.share,
             kernels: kernels.map(|kernel| kernel as u32),
+            middle,
+            codes,
+            farthest_and_layer,
+            drawn: highlight.drawn,
             _end: [0; 2],
         })
         .collect();
+    let nearest: Vec<u32> = plan.bounds.range.iter().map(|(_, nearest)| u32::from(*nearest)).collect();
     // The table of open parts is stored after the words of the discs.
     let (second_stop, open) = SecondStop::new(clip, aperture.lean(), kernels.words.len());
     let params = HighlightsParams {
         size: pixels(cells.size),
-        window: WINDOW as i32,
-        connected_px: CONNECTED_PX,
-        own_weight: OWN_WEIGHT,
+        padded: [plan.padding.stride as u32, plan.padding.rows as u32],
+        pad,
+        block: BLOCK as i32,
         layers: cells.layers as u32,
-        _gap: [0; 2],
+        s_focus: plan.s_focus as f32,
+        reach_px: plan.reach_px as f32,
+        s_min: codes.s_min as f32,
+        step: codes.step() as f32,
+        same_surface_px: SAME_SURFACE_PX,
+        other_surface_px: OTHER_SURFACE_PX,
+        _gap: [0; 3],
         second_stop,
     };
     let words =
         gpu.upload("the discs", &[kernels.words, open.into_iter().map(f32::to_bits).collect()].concat())?;
     let all = gpu.upload("the highlights", &all)?;
     let lists = gpu.upload("the highlights of tiles", &lists)?;
-    let nothing = gpu.upload("no light", &[[0.0f32; 4]])?;
-    let lights = lights.unwrap_or(&nothing);
+    let nearest = gpu.upload("the depths of blocks", &nearest)?;
     for tiles in passes {
         let groups = per_pixel(tiles.len());
         let tiles = gpu.upload("the tiles with highlights", &tiles)?;
         let buffers = [
+            Read(&cells.codes),
+            Read(&cells.half_planes),
             Read(&words),
             Read(&all),
             Read(&tiles),
             Read(&lists),
-            Read(lights),
-            Read(&cells.shifts),
-            Read(&cells.half_planes),
+            Read(&nearest),
             Write(picture),
         ];
         commands.pass(&HIGHLIGHTS, cells.size.channels, &params, &buffers, groups)?;

@@ -11,8 +11,6 @@ mod kernels;
 pub(super) mod layered;
 pub(super) mod optical_vignetting;
 pub(super) mod sweep;
-pub(super) mod traces;
-pub(super) mod visible_light;
 
 pub use layered::Cells;
 
@@ -24,7 +22,7 @@ use super::shader::{Shader, shader, shared};
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::optics::Optics;
-use crate::plan::lens::footprint::LIGHT_REACHES;
+use crate::plan::lens::footprint::REACHES;
 use crate::plan::lens::highlights::Highlights;
 use crate::plan::lens::optical_vignetting::PupilClip;
 use crate::plan::lens::tiles::Work;
@@ -34,7 +32,6 @@ use crate::scene::layered::LayeredScene;
 use crate::simd::Simd;
 use frame::{LensFrame, origin, per_pixel};
 use kernels::Kernels;
-use traces::TraceBuffers;
 
 pub const COPY: Shader = shader!("lens/copy", ["mirror", "picture"], [CopyParams]);
 
@@ -56,13 +53,12 @@ pub struct Input<'a> {
 }
 
 /// What the method requires of a device. Rays reach as far as the largest circle of confusion around the tiles. Cells
-/// are widened by no more than the sum of all [`LIGHT_REACHES`], and highlights are found by the blocks around them.
+/// are widened by the sum of all [`REACHES`], and highlights are found by the blocks around them.
 pub fn requirements(scene: &LayeredScene, optics: &Optics) -> Requirements {
     let s_focus = optics.k * optics.d_focus;
     let reach_px = reach_px(scene, s_focus);
-    let beyond = LIGHT_REACHES.iter().sum::<usize>() + 4 * BLOCK;
-    // The colours of all layers, or the light that is met and that would be met.
-    let bytes_per_px = size_of::<[f32; 4]>() * scene.layers.len().max(2);
+    let beyond = REACHES.iter().sum::<usize>() + 4 * BLOCK;
+    let bytes_per_px = size_of::<[f32; 4]>() * scene.layers.len();
     Requirements {
         bytes_per_px,
         block_px: TILE.1,
@@ -92,17 +88,12 @@ pub fn render(
     copy(commands, input.picture, &plan, &picture)?;
     let frame = LensFrame { cells, codes: &scene.codes, plan: &plan, clip: clip.as_ref(), picture: &picture };
     disc::pass(commands, &frame, &kernels, dim.buffer(cells))?;
-    let mut lights = None;
     if !plan.sample_sets.is_empty() {
-        let traces = TraceBuffers::new(commands, &frame)?;
-        let drawn = colors::drawn(commands, cells, &plan, dim.buffer(cells))?;
-        sweep::pass(commands, &frame, &traces, &drawn)?;
-        if highlights.any_hidden() {
-            let light = colors::light(commands, cells, &plan, &highlights.light)?;
-            lights = Some(visible_light::pass(commands, &frame, &traces, &highlights, &light)?);
-        }
+        let swept = highlights.swept().map(|swept| colors::dim(commands, cells, swept)).transpose()?;
+        let drawn = colors::drawn(commands, cells, &plan, swept.as_ref().unwrap_or(&dim).buffer(cells))?;
+        sweep::pass(commands, &frame, &drawn)?;
     }
-    highlights::pass(commands, &frame, kernels, &highlights, lights.as_ref(), &settings.aperture)?;
+    highlights::pass(commands, &frame, kernels, &highlights, &settings.aperture)?;
     Ok(picture)
 }
 

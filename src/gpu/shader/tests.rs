@@ -30,7 +30,6 @@ const SHADERS: [Shader; 33] = [
     lens::disc::SUM_ROWS,
     lens::disc::DISC,
     lens::sweep::SWEEP,
-    lens::visible_light::VISIBLE_LIGHT,
     lens::highlights::HIGHLIGHTS,
     hexagonal::GATHER,
     hexagonal::SHADE,
@@ -121,7 +120,7 @@ fn structures_lie_as_in_rust() {
 }
 
 /// Constants that both shaders and Rust state: a part of the shader's name, the constant, and Rust's value.
-const STATED_TWICE: [(&str, &str, f64); 14] = [
+const STATED_TWICE: [(&str, &str, f64); 15] = [
     ("levels/filter", "GROUP", GROUP as f64),
     ("lens/", "NOWHERE", lens::layered::NOWHERE as f64),
     ("lens/sharpen", "NO_CONNECTIVITY", lens::layered::NO_CONNECTIVITY as f64),
@@ -129,8 +128,9 @@ const STATED_TWICE: [(&str, &str, f64); 14] = [
     ("lens/sharpen", "DOWN", edges::DOWN as f64),
     ("lens/sharpen", "EDGE", edges::EDGE as f64),
     ("lens/sweep", "MISSED_NOTHING", Missed::Nothing as u32 as f64),
-    ("lens/", "BATCH", lens::traces::BATCH as f64),
-    ("lens/", "ROWS", (lens::sweep::ROWS / lens::frame::GROUP_ROWS) as f64),
+    ("lens/sweep", "BATCH", lens::sweep::BATCH as f64),
+    ("lens/sweep", "ROWS", (lens::sweep::ROWS / lens::frame::GROUP_ROWS) as f64),
+    ("lens/highlights", "NOT_HIDDEN", lens::highlights::NOT_HIDDEN as f64),
     ("taps", "MIX_BOTH", Mix::Both as u32 as f64),
     ("", "SHIFT", Measure::Shift as u32 as f64),
     ("poisson", "LEAK_TEST_ON", LeakTest::On as u32 as f64),
@@ -144,9 +144,7 @@ const OF_SHADERS: [&str; 9] =
 /// Threads of a shader's workgroups along each axis, as the passes expect them.
 fn threads(shader: &str) -> [u32; 3] {
     let [width, height] = match shader {
-        "lens/copy" | "lens/disc" | "lens/sweep" | "lens/visible_light" | "lens/highlights" => {
-            [TILE.0, lens::frame::GROUP_ROWS]
-        }
+        "lens/copy" | "lens/disc" | "lens/sweep" | "lens/highlights" => [TILE.0, lens::frame::GROUP_ROWS],
         "sprites/count" | "sprites/append" | "sprites/offsets" | "sprites/rest" => [sprites::CHUNK, 1],
         "lens/sum_rows" => [256, 1],
         // These are not compute shaders.

@@ -18,13 +18,6 @@ pub const NEXT_CELLS: f32 = 2.0 * MAX_WEIGHT;
 /// Distances of the neighbours in the widening passes that follow.
 pub const REACHES: [usize; 4] = [2, 4, 8, 16];
 
-/// Standard deviation of the light of a highlight, as a fraction of the same distance, where it is to tell what hides
-/// it. No point between the positions of a hexagonal lattice is farther than 0.58 spacings from one, and there a
-/// Gaussian of this deviation still has 0.63 of its greatest value: every pixel of the disc meets some of the light.
-const LIGHT_FOOTPRINT: f32 = 0.6;
-/// Distances of the neighbours in the passes that widen light.
-pub const LIGHT_REACHES: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];
-
 /// Variance per axis that drawing a cell at fractions of a pixel adds under shift `t`.
 ///
 /// A fraction `f` between two positions adds `f (1 - f)`. Over the lens points of a disc its mean is
@@ -50,10 +43,6 @@ pub fn flow(kappa: f32, own: f32, other: f32) -> f32 {
 /// The variance to add to a cell as a function of its shift; negative where blur is to be undone.
 pub struct Footprint {
     table: Vec<f32>,
-    /// The variance that [`Footprint::sharpening`] adds; what is above it is added before, by passes of widening.
-    pub next_cells: f32,
-    /// The distances of the neighbours in these passes.
-    pub reaches: &'static [usize],
 }
 
 impl Footprint {
@@ -66,28 +55,7 @@ impl Footprint {
                 (FOOTPRINT * spacing(f64::from(t)) as f32).powi(2) - splat_variance(t)
             })
             .collect();
-        Footprint { table, next_cells: NEXT_CELLS, reaches: &REACHES }
-    }
-
-    /// The footprint of the light of highlights for the same lens samples.
-    pub fn of_light(max_shift_px: f64, spacing: impl Fn(f64) -> f64) -> Footprint {
-        let entries = (max_shift_px as f32 * STEPS_PER_PX) as usize + 2;
-        let deviation = |i: usize| LIGHT_FOOTPRINT * spacing(f64::from(i as f32 / STEPS_PER_PX)) as f32;
-        let table = (0..entries).map(|i| deviation(i).powi(2)).collect();
-        Footprint { table, next_cells: 0.0, reaches: &LIGHT_REACHES }
-    }
-
-    /// The passes of widening: the distance of the neighbours, the variance that the passes before have added, and the
-    /// variance that a unit of weight adds.
-    pub fn passes(&self) -> impl Iterator<Item = (usize, f32, f32)> + '_ {
-        let most = self.table.iter().copied().fold(0.0, f32::max) - self.next_cells;
-        // Weights w of neighbours at distance h add the variance 2 w h^2.
-        let passes = self.reaches.iter().scan(0.0f32, |done, &reach| {
-            let (before, per_weight) = (*done, 2.0 * (reach * reach) as f32);
-            *done += MAX_WEIGHT * per_weight;
-            Some((reach, before, per_weight))
-        });
-        passes.take_while(move |(_, done, _)| most > *done)
+        Footprint { table }
     }
 
     /// The variances, [`STEPS_PER_PX`] per pixel of shift, from shift 0 on.
@@ -119,7 +87,7 @@ impl Footprint {
             *kappa = if s.is_nan() {
                 0.0
             } else {
-                -0.5 * if variance < self.next_cells { variance } else { self.next_cells }
+                -0.5 * if variance < NEXT_CELLS { variance } else { NEXT_CELLS }
             };
         }
     }

@@ -84,8 +84,6 @@ pub struct Plan {
     pub sample_sets: BTreeMap<usize, Vec<LensSample>>,
     /// The size at which cells are drawn.
     pub footprint: Footprint,
-    /// The size at which the light of highlights is drawn to find what hides it.
-    pub light_footprint: Footprint,
     /// What rays that meet no cell contribute.
     pub missed: Missed,
 }
@@ -111,11 +109,9 @@ impl Plan {
         };
         let tiles = tiles::plan(&inputs, count_samples);
         let sample_sets = sample_sets(&tiles, &settings.aperture);
-        let spacing_px = |t: f64| lens_samples::spacing_px(t, area, count_samples(t));
-        let footprint = Footprint::new(reach_px, spacing_px);
-        let light_footprint = Footprint::of_light(reach_px, spacing_px);
+        let footprint = Footprint::new(reach_px, |t| lens_samples::spacing_px(t, area, count_samples(t)));
         let missed = if scene.opaque { Missed::Unknown } else { Missed::Nothing };
-        Plan { s_focus, reach_px, padding, bounds, tiles, sample_sets, footprint, light_footprint, missed }
+        Plan { s_focus, reach_px, padding, bounds, tiles, sample_sets, footprint, missed }
     }
 }
 
