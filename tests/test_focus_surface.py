@@ -191,3 +191,5 @@ def test_bad_pulls_are_refused_before_the_first_frame():
     ]:
         with pytest.raises(ValueError, match=match):
             dofsim.focus_pull(scene, LENS, keyframes, easing=easing)
+    with pytest.raises(ValueError, match="in_focus would hold the focus still"):
+        dofsim.focus_pull(scene, LENS, [(0, 1.0)], in_focus=(1.0, 2.0))

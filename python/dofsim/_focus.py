@@ -58,8 +58,8 @@ def focus_pull(
     Raises
     ------
     ValueError
-        If there is no keyframe, their frames do not rise, or the easing is none of these; before the first
-        frame.
+        If there is no keyframe, their frames do not rise, the easing is none of these, or `in_focus` is among
+        the options; before the first frame.
 
     Examples
     --------
@@ -71,6 +71,8 @@ def focus_pull(
     >>> sum(1 for frame in frames)
     5
     """
+    if options.get("in_focus") is not None:
+        raise ValueError("in_focus would hold the focus still; focus_pull takes keyframes alone")
     if easing not in _EASINGS:
         raise ValueError(f"easing must be one of {', '.join(_EASINGS)}; got {easing!r}")
     frames = [frame for frame, _ in keyframes]
