@@ -7,6 +7,7 @@ use crate::plan::lens::highlights::{Cluster, Highlight, Highlights, same_surface
 use crate::plan::lens::kernels::Kernels;
 use crate::plan::lens::optical_vignetting::PupilClip;
 use crate::plan::lens::tiles::{Tile, Work};
+use crate::scene::depth_bounds::any_bin;
 use crate::scene::grid::{BLOCK, TILE};
 
 /// The input for drawing highlights.
@@ -93,10 +94,20 @@ impl HighlightPass<'_> {
             differences.clear(C);
             self.add_discs(cluster, tile, differences);
             let middle = &self.highlights.all[cluster.middle];
-            differences.for_each::<C>(|x, y, light| {
+            let lens_point = |x: usize, y: usize| {
                 let to = [middle.x - (origin.0 + x) as i32, middle.y - (origin.1 + y) as i32];
-                let l = to.map(|d| f64::from(d) / middle.drawn_px());
-                add(x, y, light, f64::from(self.visible_from(cluster, middle, l)));
+                to.map(|d| f64::from(d) / middle.drawn_px())
+            };
+            let mut open = [None; (TILE.0 / BLOCK) * (TILE.1 / BLOCK)];
+            differences.for_each::<C>(|x, y, light| {
+                let (bx, by) = (x / BLOCK, y / BLOCK);
+                let is_open = *open[by * (TILE.0 / BLOCK) + bx].get_or_insert_with(|| {
+                    let corner = |i: usize| lens_point((bx + i) * BLOCK - i, (by + i) * BLOCK - i);
+                    self.is_open(cluster, middle, [corner(0), corner(1)])
+                });
+                let visible =
+                    if is_open { 1.0 } else { self.visible_from(cluster, middle, lens_point(x, y)) };
+                add(x, y, light, f64::from(visible));
             });
         }
     }
@@ -155,6 +166,49 @@ impl HighlightPass<'_> {
         })
     }
 
+    /// Whether no cell at all can hide a cluster from the lens points between two corners, as the blocks' nearest
+    /// depths tell: then [`visible_from`](Self::visible_from) is 1 for all of them.
+    fn is_open(&self, cluster: &Cluster, middle: &Highlight, corners: [[f64; 2]; 2]) -> bool {
+        let padded = self.padded;
+        let pad = padded.padding.pad as i32;
+        let at = [middle.x + pad, middle.y + pad];
+        let own = (at[1] * padded.padding.stride as i32 + at[0]) as usize;
+        if self.is_covered(cluster, middle, own, f64::INFINITY) {
+            return false;
+        }
+        // A pixel more than the half of a cell, for the rounding of rays to cells and codes.
+        const MARGIN_PX: f64 = 1.5;
+        let farthest = padded.reach_px - middle.t;
+        let lens = [0, 1].map(|i| [corners[0][i].min(corners[1][i]), corners[0][i].max(corners[1][i])]);
+        let blocks = |i: usize, n: usize| {
+            let [least, most] = lens[i];
+            let first = f64::from(at[i]) + (least * farthest).min(0.0) - MARGIN_PX;
+            let last = f64::from(at[i]) + (most * farthest).max(0.0) + MARGIN_PX;
+            first.max(0.0) as usize / BLOCK..=(last.max(0.0) as usize / BLOCK).min(n / BLOCK - 1)
+        };
+        // The shift in front of the cluster at which a ray first comes to a block, along one axis.
+        let first_at = |i: usize, block: usize| {
+            let [least, most] = lens[i];
+            let near = (block * BLOCK) as f64 - f64::from(at[i]) - MARGIN_PX;
+            let far = near + BLOCK as f64 - 1.0 + 2.0 * MARGIN_PX;
+            if near > 0.0 {
+                if most > 0.0 { near / most } else { f64::INFINITY }
+            } else if far < 0.0 {
+                if least < 0.0 { far / least } else { f64::INFINITY }
+            } else {
+                0.0
+            }
+        };
+        blocks(1, padded.padding.rows).all(|by| {
+            let at_row = first_at(1, by);
+            blocks(0, padded.padding.stride).all(|bx| {
+                let nearest = padded.bounds.range[by * padded.bounds.across + bx].1;
+                let in_front = f64::from(nearest.saturating_sub(cluster.code)) * padded.codes.step();
+                nearest <= cluster.span[1] || at_row.max(first_at(0, bx)) > in_front + MARGIN_PX
+            })
+        })
+    }
+
     /// The fraction of a pixel's rays near lens point `l` that meet nothing before they meet a cluster.
     ///
     /// The rays of a pixel are a beam as wide as the pixel at every depth. A cell that covers its pixel partly, and a
@@ -182,19 +236,26 @@ impl HighlightPass<'_> {
         let steps = ((padded.reach_px - middle.t) * longest).ceil() as i32;
         // A straight edge may be met in more than one cell, but must hide its part of the beam only once.
         let mut visible = 1.0f32;
-        let mut k = 1;
+        let (mut k, mut looked_until) = (1, 1);
         while k <= steps {
             let along = slope.map(|slope| f64::from(k) * slope);
-            let cell = [x + along[0].round() as i32, y + along[1].round() as i32];
+            let moved = along.map(rounded);
+            let cell = [x + moved[0], y + moved[1]];
             if !(0..stride).contains(&cell[0]) || !(0..rows).contains(&cell[1]) {
                 break;
             }
             let (from, to) = (code(f64::from(k) - 0.5), code(f64::from(k) + 0.5));
-            let block = cell.map(|v| v as usize / BLOCK);
-            if padded.bounds.range[block[1] * padded.bounds.across + block[0]].1 < from {
-                // No cell in this block is near enough, and the ray only comes nearer to the camera.
-                k += steps_inside(cell, slope);
-                continue;
+            if k >= looked_until {
+                looked_until = k + steps_inside(cell, slope);
+                let last = code(f64::from(looked_until) - 0.5);
+                let block = cell[1] as usize / BLOCK * padded.bounds.across + cell[0] as usize / BLOCK;
+                let layers = padded.bounds.layers;
+                let depths = &padded.bounds.occupied[block * layers..][..layers];
+                if !depths.iter().any(|bits| any_bin(bits, usize::from(from >> 8), usize::from(last >> 8))) {
+                    // No cell of this block is at the depths at which the ray passes it.
+                    k = looked_until;
+                    continue;
+                }
             }
             let index = (cell[1] * stride + cell[0]) as usize;
             for (i, layer) in padded.layers.iter().enumerate() {
@@ -203,7 +264,7 @@ impl HighlightPass<'_> {
                     // The position of the ray in this cell, relative to the cell's centre; the ray passes through the
                     // highlight.
                     let t_cell = padded.codes.decode(f64::from(lo)) - self.s_focus - middle.t;
-                    let at = [0, 1].map(|i| (l[i] * t_cell - along[i].round()) as f32);
+                    let at = [0, 1].map(|i| (l[i] * t_cell - f64::from(moved[i])) as f32);
                     let let_through = if i == middle.layer {
                         same_surface(px(lo.saturating_sub(cluster.span[1])), own_span_px, k as f32)
                     } else {
@@ -219,6 +280,12 @@ impl HighlightPass<'_> {
         }
         visible
     }
+}
+
+/// Rounds to the nearest integer, halves away from zero; in a few instructions on any processor.
+fn rounded(v: f64) -> i32 {
+    let magnitude = (v.abs() + 0.5) as i32;
+    if v < 0.0 { -magnitude } else { magnitude }
 }
 
 /// A lower bound on the number of steps after which a ray from `cell` leaves its block.
