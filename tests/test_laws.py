@@ -263,3 +263,41 @@ def test_coverage_of_a_grey_picture_is_no_light_either(alpha):
     four = render(np.concatenate([grey, grey, grey, coverage], axis=-1), depth, **words)
     np.testing.assert_array_equal(two[..., 1], four[..., 3])
     np.testing.assert_array_equal(two[..., 0], four[..., 0])
+
+
+THROUGH = [{}, {"cat_eye": 0.5}, {"axial_color": (0.02, 0.0, -0.02)}]
+
+
+@pytest.mark.parametrize("options", THROUGH, ids=str)
+def test_whole_coverage_changes_no_bit(depth, options):
+    rng = np.random.default_rng(4)
+    # Lamps and noise: what edge pixels and hidden surfaces are made of is decided by colour.
+    plain = rng.random((HEIGHT, WIDTH, 3), dtype=np.float32) ** 8
+    plain[rng.random((HEIGHT, WIDTH)) < 0.01] *= 50.0
+    whole = np.concatenate([plain, np.ones_like(plain[..., :1])], axis=-1)
+    through = lens(8.0, 0.5).replace(**options)
+    with_coverage = dofsim.render(whole, depth, through, depth_kind="disparity")
+    np.testing.assert_array_equal(
+        with_coverage[..., :3], dofsim.render(plain, depth, through, depth_kind="disparity")
+    )
+    # But for the rounding of running sums.
+    np.testing.assert_allclose(with_coverage[..., 3], 1.0, rtol=0, atol=2e-6)
+
+
+@pytest.mark.parametrize("layers", [1, 2])
+@pytest.mark.parametrize("options", [*({"lens": o} for o in THROUGH), {"supersample": 2}], ids=str)
+def test_coverage_stays_coverage(layers, options):
+    options = dict(options)
+    rng = np.random.default_rng(5)
+    shape = (layers, 48, 64)
+    alpha = rng.choice([0.0, 0.5, 1.0, 1.0], (*shape, 1)) * rng.choice([0.8, 1.0], (*shape, 1))
+    color = np.concatenate([alpha * rng.random((*shape, 3)), alpha], axis=-1).astype(np.float32)
+    depth = np.sort(rng.choice([-1.0, 0.0, 0.1, 1.0], shape), axis=0)[::-1].astype(np.float32)
+    if layers == 1:
+        color, depth = color[0], depth[0]
+    through = lens(3.0, 0.1).replace(**options.pop("lens", {}))
+    out = dofsim.render(color, depth, through, depth_kind="disparity", **options)
+    assert 0.0 <= out[..., 3].min() and out[..., 3].max() <= 1.0
+    flat = np.zeros(out.shape[:2], np.float32)
+    again = dofsim.render(out, flat, lens(3.0, 0.1), depth_kind="disparity")
+    assert 0.0 <= again[..., 3].min() and again[..., 3].max() <= 1.0

@@ -235,13 +235,13 @@ fn surface_of(exits: &[Exit]) -> Option<f32> {
     found.reduce(|a, b| if b.0 > a.0 { b } else { a }).map(|(_, s)| s)
 }
 
-/// The hidden surface, merged from the exits around it.
-fn merge(exits: &[Exit]) -> Option<Found> {
+/// The hidden surface, merged from the exits around it. The first `lights` channels of their colours hold light.
+fn merge(exits: &[Exit], lights: usize) -> Option<Found> {
     let surface = surface_of(exits)?;
     let on_surface = |h: &&Exit| (h.s - surface).abs() < SAME_SURFACE_PX;
 
     // A highlight that one ray happens to meet must not be smeared over the whole hidden region.
-    let brightness = |h: &Exit| h.color.iter().sum::<f32>();
+    let brightness = |h: &Exit| h.color[..lights].iter().sum::<f32>();
     let (mut all, mut n) = ([0.0; DIRECTIONS], 0);
     for h in exits.iter().filter(on_surface) {
         all[n] = brightness(h);
@@ -323,7 +323,7 @@ impl Search<'_> {
                 found += 1;
             }
         }
-        merge(&exits[..found])
+        merge(&exits[..found], frame.lights)
     }
 
     /// Searches behind the pixels of a block's grid, where a coarser grid gives no answer.
@@ -506,7 +506,7 @@ mod tests {
             (0..side * side).map(|i| if is_front(i) { 1000.0 } else { (i % side) as f32 }).collect();
         let connectivity = edges::connectivity(&s, side, side);
         let size = Size { width: side, height: side, channels: 1 };
-        let frame = FrontLayer { size, color: &color, s: &s, connectivity: &connectivity };
+        let frame = FrontLayer { size, lights: 1, color: &color, s: &s, connectivity: &connectivity };
         let hidden = hidden(&frame, &[], &Cancel::default()).unwrap();
         let mut found = vec![None; side * side];
         hidden.iter().for_each(|h| found[h.index] = Some((h.s, h.color[0])));

@@ -123,10 +123,11 @@ impl LayeredScene {
     }
 }
 
-/// The layers of a picture under a lens of strength `k` pixels per unit of disparity.
-pub fn build(picture: &Picture, k: f64, simd: Simd, cancel: &Cancel) -> Result<LayeredScene> {
+/// The layers of a picture, whose first `lights` channels hold light, under a lens of strength `k` pixels per unit of
+/// disparity.
+pub fn build(picture: &Picture, lights: usize, k: f64, simd: Simd, cancel: &Cancel) -> Result<LayeredScene> {
     match picture.layers.as_slice() {
-        [layer] => from_one_layer(picture.size, layer, k, simd, cancel),
+        [layer] => from_one_layer(picture.size, lights, layer, k, simd, cancel),
         layers => from_layers(picture.size, layers, k, simd, cancel),
     }
 }
@@ -137,13 +138,20 @@ fn scaled(disparity: &[f32], k: f64) -> Buffer<f32> {
 
 /// The layers of a picture of one layer: edges are unmixed, and the disocclusions behind them are inpainted.
 ///
-/// Coverage, if the picture has it, is one more channel: a transparent pixel is a surface at infinity that happens to
-/// have no colour.
-fn from_one_layer(size: Size, layer: &Layer, k: f64, simd: Simd, cancel: &Cancel) -> Result<LayeredScene> {
+/// Coverage, if the picture has it, is a channel that is carried along: a transparent pixel is a surface at infinity
+/// that happens to have no colour.
+fn from_one_layer(
+    size: Size,
+    lights: usize,
+    layer: &Layer,
+    k: f64,
+    simd: Simd,
+    cancel: &Cancel,
+) -> Result<LayeredScene> {
     let mut s = scaled(&layer.disparity, k);
     let connectivity = edges::connectivity(&s, size.width, size.height);
     let colors = Colors::new(size, Arc::clone(&layer.color));
-    let frame = FrontLayer { size, color: &layer.color, s: &s, connectivity: &connectivity };
+    let frame = FrontLayer { size, lights, color: &layer.color, s: &s, connectivity: &connectivity };
     let mixed = unmix(&frame, cancel)?;
     if mixed.is_empty() {
         let front = SceneLayer {
