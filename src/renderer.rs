@@ -9,6 +9,7 @@ use crate::picture::Picture;
 use crate::scene::Scene;
 use crate::simd::Simd;
 use crate::{cpu, gpu};
+use rayon::prelude::*;
 
 pub use crate::gpu::PassTime;
 
@@ -35,21 +36,37 @@ impl Renderer {
         device: Device,
         simd: Simd,
         cancel: &Cancel,
-        outs: Vec<&mut [f32]>,
+        mut outs: Vec<&mut [f32]>,
     ) -> Result<Vec<PassTime>> {
         let scene = &self.scene;
-        let all = lenses.iter().zip(outs);
-        match device {
+        let all = lenses.iter().zip(outs.iter_mut().map(|out| &mut **out));
+        let passes = match device {
             Device::Cpu => {
                 for (imaging, out) in all {
                     cpu::render::Exposure { scene, imaging, method, simd, cancel }.render(out)?;
                 }
-                Ok(Vec::new())
+                Vec::new()
             }
             Device::Gpu(adapter) => {
                 let job = gpu::render::Scope { scene, cache: &self.cache, method, simd, cancel };
-                gpu::render::render_each(adapter, &job, all)
+                gpu::render::render_each(adapter, &job, all)?
             }
+        };
+        if scene.lights < scene.picture.size.channels {
+            outs.iter_mut().for_each(|out| bound_coverage(out, scene.picture.size.channels));
         }
+        Ok(passes)
     }
+}
+
+/// Bounds the last channel of an interleaved picture by 1: no pixel is covered more than wholly.
+///
+/// Weights of a mean add up to 1 but for rounding. And sharpening undoes the blur of drawing cells at fractions of a
+/// pixel by adding to a cell what it has more than its neighbours. That is right in the mean of many cells; where few
+/// are averaged, and one of whole coverage has neighbours of less, more than 1 is left.
+fn bound_coverage(picture: &mut [f32], channels: usize) {
+    const PIXELS: usize = 1 << 14;
+    picture.par_chunks_mut(PIXELS * channels).for_each(|part| {
+        part.iter_mut().skip(channels - 1).step_by(channels).for_each(|alpha| *alpha = alpha.min(1.0));
+    });
 }

@@ -253,6 +253,33 @@ def test_layers_show_what_the_bar_hides(bars, focus):
     assert error(two) < error(one)
 
 
+def test_two_layers_are_no_worse_than_one_where_the_second_hides_as_much():
+    x = np.arange(144)
+    bars = np.repeat(((x % 24) < 8)[None], 64, 0)
+    rng = np.random.default_rng(6)
+    wall = np.ones((*bars.shape, 4))
+    wall[..., :3] = np.kron(rng.uniform(0.2, 0.8, (16, 36, 3)), np.ones((4, 4, 1)))
+    bar = np.array([0.05, 0.05, 0.05, 1.0])
+    front, back = np.where(bars[..., None], bar, wall), bars[..., None] * bar
+    depths = np.stack([np.where(bars, 1.0, 0.0), np.where(bars, 0.98, -9.0), np.zeros(bars.shape)])
+    colors = np.stack([front, back, wall])
+
+    def picture(*layers):
+        layers = list(layers)
+        color, depth = colors[layers].astype(np.float32), depths[layers].astype(np.float32)
+        return render(color, depth, 10.0)[:, 12:-12]
+
+    def psnr(a, b):
+        return -10 * np.log10(np.mean((a - b) ** 2))
+
+    one, two, truth = picture(0), picture(0, 1), picture(0, 1, 2)
+    assert (two[..., 3] == 1.0).all()
+    assert psnr(two, truth) > psnr(one, truth) - 0.1
+    # What differs is behind the border of the bars, which is taken apart in a picture of one layer only.
+    inner = ((x % 24 != 0) & (x % 24 != 7))[12:-12]
+    assert psnr(two[:, inner], one[:, inner]) > 40.0
+
+
 @pytest.mark.parametrize("alpha", ["straight", "premultiplied"])
 def test_coverage_of_a_grey_picture_is_no_light_either(alpha):
     rng = np.random.default_rng(3)
@@ -263,3 +290,43 @@ def test_coverage_of_a_grey_picture_is_no_light_either(alpha):
     four = render(np.concatenate([grey, grey, grey, coverage], axis=-1), depth, **words)
     np.testing.assert_array_equal(two[..., 1], four[..., 3])
     np.testing.assert_array_equal(two[..., 0], four[..., 0])
+
+
+THROUGH = [{}, {"cat_eye": 0.5}, {"axial_color": (0.02, 0.0, -0.02)}]
+
+
+@pytest.mark.parametrize("options", THROUGH, ids=str)
+def test_whole_coverage_changes_no_bit(depth, options):
+    rng = np.random.default_rng(4)
+    # Lamps and noise: what edge pixels and hidden surfaces are made of is decided by colour.
+    plain = rng.random((HEIGHT, WIDTH, 3), dtype=np.float32) ** 8
+    plain[rng.random((HEIGHT, WIDTH)) < 0.01] *= 50.0
+    whole = np.concatenate([plain, np.ones_like(plain[..., :1])], axis=-1)
+    through = lens(8.0, 0.5).replace(**options)
+    with_coverage = dofsim.render(whole, depth, through, depth_kind="disparity")
+    np.testing.assert_array_equal(
+        with_coverage[..., :3], dofsim.render(plain, depth, through, depth_kind="disparity")
+    )
+    # But for the rounding of running sums.
+    np.testing.assert_allclose(with_coverage[..., 3], 1.0, rtol=0, atol=2e-6)
+
+
+@pytest.mark.parametrize("layers", [1, 2])
+@pytest.mark.parametrize("options", [*({"lens": o} for o in THROUGH), {"supersample": 2}], ids=str)
+def test_coverage_stays_coverage(layers, options):
+    options = dict(options)
+    rng = np.random.default_rng(5)
+    shape = (layers, 48, 64)
+    alpha = rng.choice([0.0, 0.5, 1.0, 1.0], (*shape, 1)) * rng.choice([0.8, 1.0], (*shape, 1))
+    color = np.concatenate([alpha * rng.random((*shape, 3)), alpha], axis=-1).astype(np.float32)
+    depth = np.sort(rng.choice([-1.0, 0.0, 0.1, 1.0], shape), axis=0)[::-1].astype(np.float32)
+    if layers == 1:
+        color, depth = color[0], depth[0]
+    through = lens(3.0, 0.1).replace(**options.pop("lens", {}))
+    out = dofsim.render(color, depth, through, depth_kind="disparity", **options)
+    assert out[..., 3].min() >= 0.0
+    assert out[..., 3].max() <= 1.0
+    flat = np.zeros(out.shape[:2], np.float32)
+    again = dofsim.render(out, flat, lens(3.0, 0.1), depth_kind="disparity")
+    assert again[..., 3].min() >= 0.0
+    assert again[..., 3].max() <= 1.0

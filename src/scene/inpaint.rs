@@ -17,7 +17,7 @@ const DIRECTIONS: usize = 16;
 /// How far beyond a silhouette an unmixed pixel is searched: as far as around an edge pixel.
 const BEYOND_EDGE: usize = 4;
 /// Exits whose shifts differ by less are on one surface: each is within a step of the one that most exits agree on.
-const SAME_SURFACE_PX: f32 = 2.0;
+pub const SAME_SURFACE_PX: f32 = 2.0;
 /// The least difference in shift between a hidden surface and the surface that hides it: half of what makes an edge.
 const BEHIND_PX: f32 = 0.5;
 /// A lens sees no farther behind a silhouette than the difference in shift; the margin allows for rounding.
@@ -91,7 +91,8 @@ fn rays(reach: usize, width: usize) -> Vec<Vec<Step>> {
         .collect()
 }
 
-/// For each block of pixels: the least shift at a silhouette, and the least and greatest shift of all pixels.
+/// For each block of pixels: the least shift at a silhouette, the least shift of all pixels, and the greatest shift
+/// behind which is searched.
 struct ShiftBounds {
     across: usize,
     edge_s: Vec<f32>,
@@ -100,7 +101,7 @@ struct ShiftBounds {
 }
 
 impl ShiftBounds {
-    fn new(frame: &FrontLayer) -> ShiftBounds {
+    fn new(frame: &FrontLayer, hiding: &[f32]) -> ShiftBounds {
         let across = frame.size.width.div_ceil(BLOCK);
         let down = frame.size.height.div_ceil(BLOCK);
         let all: Vec<[f32; 3]> = (0..across * down)
@@ -111,11 +112,12 @@ impl ShiftBounds {
                 for y in y0..(y0 + BLOCK).min(frame.size.height) {
                     let start = y * frame.size.width;
                     let row = start + x0..start + (x0 + BLOCK).min(frame.size.width);
-                    for (&s, &connectivity) in frame.s[row.clone()].iter().zip(&frame.connectivity[row]) {
+                    let pixels = frame.s[row.clone()].iter().zip(&frame.connectivity[row.clone()]);
+                    for ((&s, &connectivity), &hiding) in pixels.zip(&hiding[row]) {
                         let at_edge = if connectivity & EDGE != 0 { s } else { f32::INFINITY };
                         edge = if at_edge < edge { at_edge } else { edge };
                         min = if s < min { s } else { min };
-                        max = if s > max { s } else { max };
+                        max = if hiding > max { hiding } else { max };
                     }
                 }
                 [edge, min, max]
@@ -235,13 +237,13 @@ fn surface_of(exits: &[Exit]) -> Option<f32> {
     found.reduce(|a, b| if b.0 > a.0 { b } else { a }).map(|(_, s)| s)
 }
 
-/// The hidden surface, merged from the exits around it.
-fn merge(exits: &[Exit]) -> Option<Found> {
+/// The hidden surface, merged from the exits around it. The first `lights` channels of their colours hold light.
+fn merge(exits: &[Exit], lights: usize) -> Option<Found> {
     let surface = surface_of(exits)?;
     let on_surface = |h: &&Exit| (h.s - surface).abs() < SAME_SURFACE_PX;
 
     // A highlight that one ray happens to meet must not be smeared over the whole hidden region.
-    let brightness = |h: &Exit| h.color.iter().sum::<f32>();
+    let brightness = |h: &Exit| h.color[..lights].iter().sum::<f32>();
     let (mut all, mut n) = ([0.0; DIRECTIONS], 0);
     for h in exits.iter().filter(on_surface) {
         all[n] = brightness(h);
@@ -266,6 +268,8 @@ fn merge(exits: &[Exit]) -> Option<Found> {
 /// The search for hidden surfaces.
 struct Search<'a> {
     around: Surfaces<'a>,
+    /// See [`hidden`].
+    hiding: &'a [f32],
     blocks: ShiftBounds,
     /// See [`ShiftBounds::farthest_uncovered`].
     farthest: Vec<Option<f32>>,
@@ -295,13 +299,13 @@ impl Search<'_> {
     /// The shift of the surface that hides something at pixel `index`; `None` where the hidden surface is already
     /// known.
     fn front(&self, index: usize) -> Option<f32> {
-        let Surfaces { frame, edge_distance, .. } = self.around;
+        let edge_distance = self.around.edge_distance;
         // The surface behind a mixed pixel is known, unless its coverage turned out to be zero.
         let at_edge = edge_distance[index] == 0;
         match if at_edge { self.around.mixed(index) } else { None } {
             Some(mixed) if mixed.coverage > 0.0 => None,
             Some(mixed) => Some(mixed.s_back),
-            None => Some(frame.s[index]),
+            None => Some(self.hiding[index]),
         }
     }
 
@@ -323,7 +327,7 @@ impl Search<'_> {
                 found += 1;
             }
         }
-        merge(&exits[..found])
+        merge(&exits[..found], frame.lights)
     }
 
     /// Searches behind the pixels of a block's grid, where a coarser grid gives no answer.
@@ -348,7 +352,7 @@ impl Search<'_> {
                     // The margin is wider by the spacing, so that pixels between grid points that see nothing see
                     // nothing either.
                     let margin_px = MARGIN_PX + spacing as f32;
-                    let found = self.find((x, y), self.around.frame.s[index], s_farthest, margin_px);
+                    let found = self.find((x, y), self.hiding[index], s_farthest, margin_px);
                     found.map_or(Answer::Nothing, Answer::Surface)
                 }
                 (known, _) => known,
@@ -399,10 +403,16 @@ impl Grid {
     }
 }
 
-/// Fills every pixel behind which the lens sees something and whose background is still unknown.
-pub fn hidden(frame: &FrontLayer, mixed: &[MixedPixel], cancel: &Cancel) -> Result<Vec<Hidden>> {
+/// Fills every pixel behind which the lens sees something and whose background is still unknown. `hiding` is the shift
+/// of the surface behind which each pixel is filled: the visible one, or the last one that is known.
+pub fn hidden(
+    frame: &FrontLayer,
+    hiding: &[f32],
+    mixed: &[MixedPixel],
+    cancel: &Cancel,
+) -> Result<Vec<Hidden>> {
     let (width, height) = (frame.size.width, frame.size.height);
-    let blocks = ShiftBounds::new(frame);
+    let blocks = ShiftBounds::new(frame, hiding);
     let s_min = blocks.min_s.iter().copied().fold(f32::INFINITY, f32::min);
     let s_max = blocks.max_s.iter().copied().fold(f32::NEG_INFINITY, f32::max);
     let reach = (s_max - s_min + MARGIN_PX).ceil() as usize;
@@ -418,7 +428,7 @@ pub fn hidden(frame: &FrontLayer, mixed: &[MixedPixel], cancel: &Cancel) -> Resu
         .map(|b| blocks.farthest_uncovered(b, s_min))
         .collect();
     let across = blocks.across;
-    let search = Search { around, blocks, farthest, rays, reach };
+    let search = Search { around, hiding, blocks, farthest, rays, reach };
     let fill_block = |b: usize| {
         cancel.check()?;
         let mut filled = Vec::new();
@@ -506,8 +516,8 @@ mod tests {
             (0..side * side).map(|i| if is_front(i) { 1000.0 } else { (i % side) as f32 }).collect();
         let connectivity = edges::connectivity(&s, side, side);
         let size = Size { width: side, height: side, channels: 1 };
-        let frame = FrontLayer { size, color: &color, s: &s, connectivity: &connectivity };
-        let hidden = hidden(&frame, &[], &Cancel::default()).unwrap();
+        let frame = FrontLayer { size, lights: 1, color: &color, s: &s, connectivity: &connectivity };
+        let hidden = hidden(&frame, &s, &[], &Cancel::default()).unwrap();
         let mut found = vec![None; side * side];
         hidden.iter().for_each(|h| found[h.index] = Some((h.s, h.color[0])));
         for i in (0..side * side).filter(|i| is_front(*i)) {

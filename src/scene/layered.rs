@@ -8,10 +8,10 @@ use super::colors::{CellColor, Colors};
 use super::depth_bounds::DepthBounds;
 use super::depth_codes::DepthCodes;
 use super::depth_spans::{self, DepthSpans};
-use super::edges;
+use super::edges::{self, CONNECTED_PX, EDGE};
 use super::half_plane::HalfPlane;
 use super::highlights::{self, Bright};
-use super::inpaint;
+use super::inpaint::{self, Hidden, SAME_SURFACE_PX};
 use super::layer::SceneLayer;
 use super::matting::{FrontLayer, MixedPixel, unmix};
 use crate::cancel::Cancel;
@@ -123,11 +123,12 @@ impl LayeredScene {
     }
 }
 
-/// The layers of a picture under a lens of strength `k` pixels per unit of disparity.
-pub fn build(picture: &Picture, k: f64, simd: Simd, cancel: &Cancel) -> Result<LayeredScene> {
+/// The layers of a picture, whose first `lights` channels hold light, under a lens of strength `k` pixels per unit of
+/// disparity.
+pub fn build(picture: &Picture, lights: usize, k: f64, simd: Simd, cancel: &Cancel) -> Result<LayeredScene> {
     match picture.layers.as_slice() {
-        [layer] => from_one_layer(picture.size, layer, k, simd, cancel),
-        layers => from_layers(picture.size, layers, k, simd, cancel),
+        [layer] => from_one_layer(picture.size, lights, layer, k, simd, cancel),
+        layers => from_layers(picture.size, lights, layers, k, simd, cancel),
     }
 }
 
@@ -137,13 +138,20 @@ fn scaled(disparity: &[f32], k: f64) -> Buffer<f32> {
 
 /// The layers of a picture of one layer: edges are unmixed, and the disocclusions behind them are inpainted.
 ///
-/// Coverage, if the picture has it, is one more channel: a transparent pixel is a surface at infinity that happens to
-/// have no colour.
-fn from_one_layer(size: Size, layer: &Layer, k: f64, simd: Simd, cancel: &Cancel) -> Result<LayeredScene> {
+/// Coverage, if the picture has it, is a channel that is carried along: a transparent pixel is a surface at infinity
+/// that happens to have no colour.
+fn from_one_layer(
+    size: Size,
+    lights: usize,
+    layer: &Layer,
+    k: f64,
+    simd: Simd,
+    cancel: &Cancel,
+) -> Result<LayeredScene> {
     let mut s = scaled(&layer.disparity, k);
     let connectivity = edges::connectivity(&s, size.width, size.height);
     let colors = Colors::new(size, Arc::clone(&layer.color));
-    let frame = FrontLayer { size, color: &layer.color, s: &s, connectivity: &connectivity };
+    let frame = FrontLayer { size, lights, color: &layer.color, s: &s, connectivity: &connectivity };
     let mixed = unmix(&frame, cancel)?;
     if mixed.is_empty() {
         let front = SceneLayer {
@@ -155,7 +163,7 @@ fn from_one_layer(size: Size, layer: &Layer, k: f64, simd: Simd, cancel: &Cancel
         return Ok(LayeredScene::new(size, vec![front], true, simd));
     }
     let partial = half_planes(&frame, &mixed);
-    let hidden = inpaint::hidden(&frame, &mixed, cancel)?;
+    let hidden = inpaint::hidden(&frame, &s, &mixed, cancel)?;
 
     // A mixed pixel has both surfaces. If its coverage turns out to be zero, it belongs to the surface behind alone.
     let (both, behind): (Vec<MixedPixel>, Vec<MixedPixel>) = mixed.iter().partition(|m| m.coverage > 0.0);
@@ -221,11 +229,19 @@ fn half_planes(frame: &FrontLayer, mixed: &[MixedPixel]) -> Vec<(usize, HalfPlan
     (0..height).into_par_iter().flat_map_iter(row).collect()
 }
 
-/// Layers given by the user: coverage is alpha, colours are each surface's own, and nothing is inpainted.
-fn from_layers(size: Size, layers: &[Layer], k: f64, simd: Simd, cancel: &Cancel) -> Result<LayeredScene> {
+/// Layers given by the user: coverage is alpha, and colours are each surface's own. What all of them hide is inpainted
+/// in one more layer.
+fn from_layers(
+    size: Size,
+    lights: usize,
+    layers: &[Layer],
+    k: f64,
+    simd: Simd,
+    cancel: &Cancel,
+) -> Result<LayeredScene> {
     let n = size.pixels();
     let alpha = size.channels - 1;
-    let built = layers
+    let mut built = layers
         .iter()
         .map(|layer| {
             cancel.check()?;
@@ -251,7 +267,77 @@ fn from_layers(size: Size, layers: &[Layer], k: f64, simd: Simd, cancel: &Cancel
         .collect::<Result<Vec<_>>>()?;
     let covered = |i: usize| layers.iter().any(|l| l.color[alpha * n + i] >= 1.0);
     let opaque = (0..n).into_par_iter().all(covered);
+    let hidden = hidden_by_all(size, lights, layers, &built, cancel)?;
+    if !hidden.is_empty() {
+        let mut s = Buffer::full(n, f32::NAN);
+        hidden.iter().for_each(|h| s[h.index] = h.s);
+        let colors = hidden.iter().map(|h| CellColor { index: h.index, color: h.color }).collect();
+        let colors = Colors::of_cells(size, colors);
+        built.push(SceneLayer {
+            s: Arc::new(s),
+            colors,
+            partial: Arc::default(),
+            connectivity: Arc::default(),
+        });
+    }
     Ok(LayeredScene::new(size, built, opaque, simd))
+}
+
+/// What is hidden behind the last surface of each pixel: what the pinhole sees around it continues there, as behind a
+/// single layer. Nothing is found where the layers already have it, nor behind what is only partly there: that is no
+/// surface which hides all.
+///
+/// Where the pinhole sees through all layers it sees a surface without coverage, which lies behind every other and is
+/// none of them. What continues that is empty space, and stays it.
+fn hidden_by_all(
+    size: Size,
+    lights: usize,
+    layers: &[Layer],
+    built: &[SceneLayer],
+    cancel: &Cancel,
+) -> Result<Vec<Hidden>> {
+    let (n, alpha) = (size.pixels(), size.channels - 1);
+    let nowhere = depth_spans::shift_range(built).0 as f32 - 2.0 * SAME_SURFACE_PX;
+    let coverage = |layer: usize, i: usize| layers[layer].color[alpha * n + i];
+    // The pinhole sees the first layer with which half of the pixel is covered.
+    let seen_at = |i: usize| {
+        let mut left = 1.0;
+        let half_covered = |layer: usize| {
+            left *= 1.0 - coverage(layer, i);
+            left <= 0.5
+        };
+        (0..layers.len()).position(half_covered).map(|layer| layer as u16)
+    };
+    let seen: Vec<Option<u16>> = (0..n).into_par_iter().map(seen_at).collect();
+    let s_of =
+        |(i, seen): (usize, &Option<u16>)| seen.map_or(nowhere, |layer| built[usize::from(layer)].s[i]);
+    let s: Vec<f32> = seen.par_iter().enumerate().map(s_of).collect();
+    let connectivity = edges::connectivity(&s, size.width, size.height);
+    if connectivity.par_iter().all(|c| c & EDGE == 0) {
+        return Ok(Vec::new());
+    }
+    let mut color = Buffer::unset(size.channels * n);
+    for (c, plane) in color.chunks_mut(n).enumerate() {
+        plane.par_iter_mut().zip(&seen).enumerate().for_each(|(i, (own, seen))| {
+            *own = seen.map_or(0.0, |layer| {
+                let layer = usize::from(layer);
+                layers[layer].color[c * n + i] / coverage(layer, i)
+            });
+        });
+    }
+
+    let farthest = |i: usize, least: f32| {
+        let cells = (0..built.len()).filter(|&layer| coverage(layer, i) >= least);
+        cells.map(|layer| built[layer].s[i]).fold(f32::INFINITY, f32::min)
+    };
+    let last = |i: usize| Some(farthest(i, 1.0)).filter(|s| s.is_finite()).unwrap_or(nowhere);
+    let last: Vec<f32> = (0..n).into_par_iter().map(last).collect();
+    let frame = FrontLayer { size, lights, color: &color, s: &s, connectivity: &connectivity };
+    let found = inpaint::hidden(&frame, &last, &[], cancel)?;
+    let is_new = |h: &Hidden| h.color[alpha] > 0.0 && h.s <= last[h.index] - CONNECTED_PX;
+    // Cells that are only partly there keep their place in front.
+    let behind = |h: Hidden| Hidden { s: h.s.min(farthest(h.index, f32::MIN_POSITIVE)), ..h };
+    Ok(found.into_iter().filter(is_new).map(behind).collect())
 }
 
 fn layer_half_planes(size: Size, coverage: &[f32]) -> Vec<(usize, HalfPlane)> {
@@ -269,4 +355,78 @@ fn layer_half_planes(size: Size, coverage: &[f32]) -> Vec<(usize, HalfPlane)> {
             (index, HalfPlane::from_coverage(around, index))
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: Size = Size { width: 48, height: 32, channels: 4 };
+    const WALL: f32 = 0.0;
+
+    fn is_bar(i: usize) -> bool {
+        (20..28).contains(&(i % SIZE.width))
+    }
+
+    /// A layer of grey surfaces: at each pixel its disparity, gray and coverage.
+    fn layer(at: impl Fn(usize) -> (f32, f32, f32)) -> Layer {
+        let n = SIZE.pixels();
+        let color = |i: usize| {
+            let (_, gray, coverage) = at(i % n);
+            if i / n == 3 { coverage } else { gray * coverage }
+        };
+        Layer::new(
+            Arc::new((0..4 * n).map(color).collect::<Buffer<f32>>()),
+            (0..n).map(|i| at(i).0).collect::<Buffer<f32>>(),
+        )
+    }
+
+    fn built(layers: Vec<Layer>) -> LayeredScene {
+        build(&Picture { size: SIZE, layers }, 3, 1.0, Simd::PORTABLE, &Cancel::default()).unwrap()
+    }
+
+    /// A bar of shift 12 before a wall, or before nothing.
+    fn front(wall: f32) -> Layer {
+        layer(move |i| if is_bar(i) { (12.0, 0.9, 1.0) } else { (WALL, 0.2, wall) })
+    }
+
+    fn back_of_bar() -> Layer {
+        layer(|i| (11.0, 0.9, f32::from(is_bar(i))))
+    }
+
+    #[test]
+    fn what_the_last_surface_hides_is_filled_behind_it() {
+        let scene = built(vec![front(1.0), back_of_bar()]);
+        let [_, _, filled] = scene.layers.as_slice() else { panic!("{} layers", scene.layers.len()) };
+        for i in 0..SIZE.pixels() {
+            if is_bar(i) {
+                assert_eq!((filled.s[i], filled.colors.at(i)[3]), (WALL, 1.0));
+                assert!((filled.colors.at(i)[0] - 0.2).abs() < 1e-6);
+            } else {
+                assert!(filled.s[i].is_nan());
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_is_filled_before_a_wall_that_is_given() {
+        // The wall of the second layer is sloped: beside the bar it is farther away than behind it.
+        let slope = |i: usize| WALL - 0.1 * (i % SIZE.width).abs_diff(24) as f32;
+        let sloped = layer(move |i| if is_bar(i) { (12.0, 0.9, 1.0) } else { (slope(i), 0.2, 1.0) });
+        let wall = layer(move |i| (slope(i), 0.2, 1.0));
+        assert_eq!(built(vec![sloped, wall.clone()]).layers.len(), 2);
+        assert_eq!(built(vec![front(1.0), back_of_bar(), layer(|_| (WALL, 0.2, 1.0))]).layers.len(), 3);
+    }
+
+    #[test]
+    fn empty_space_stays_empty() {
+        assert_eq!(built(vec![front(0.0), back_of_bar()]).layers.len(), 2);
+        // A speck of wall beside the bar does not outweigh the empty space around it.
+        let speck = layer(|i| {
+            if is_bar(i) { (12.0, 0.9, 1.0) } else { (WALL, 0.2, f32::from(i == 16 * SIZE.width + 28)) }
+        });
+        let scene = built(vec![speck, back_of_bar()]);
+        let filled = scene.layers.get(2).map_or(0, |layer| layer.s.iter().filter(|s| !s.is_nan()).count());
+        assert!(filled < SIZE.pixels() / 100, "{filled}");
+    }
 }

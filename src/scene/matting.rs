@@ -30,6 +30,9 @@ const SEEN_AT_CENTRE: f32 = 4.0;
 #[derive(Clone, Copy)]
 pub struct FrontLayer<'a> {
     pub size: Size,
+    /// How many channels, the first ones, hold light. What is in front and what is behind is told from these alone:
+    /// coverage is no light.
+    pub lights: usize,
     /// Linear colour, planar.
     pub color: &'a [f32],
     /// Disparity in pixels of circle of confusion.
@@ -42,6 +45,11 @@ impl FrontLayer<'_> {
     pub fn color_at(&self, i: usize) -> [f32; 4] {
         let n = self.size.pixels();
         std::array::from_fn(|c| if c < self.size.channels { self.color[c * n + i] } else { 0.0 })
+    }
+
+    /// The squared length of the light of a colour.
+    fn norm2(&self, color: [f32; 4]) -> f32 {
+        color[..self.lights].iter().map(|c| c * c).sum()
     }
 
     /// Index of the pixel at the offset `(dx, dy)`, if it is in the frame.
@@ -65,7 +73,7 @@ pub struct MixedPixel {
     pub back: [f32; 4],
 }
 
-/// Weighted mean and variance (summed over channels) of colours.
+/// Weighted mean of colours, and the variance of their light (summed over channels).
 #[derive(Default)]
 struct Pure {
     weight: f32,
@@ -74,22 +82,16 @@ struct Pure {
 }
 
 impl Pure {
-    fn add(&mut self, color: [f32; 4], weight: f32) {
+    fn add(&mut self, frame: &FrontLayer, color: [f32; 4], weight: f32) {
         self.weight += weight;
-        for (sum, c) in self.sum.iter_mut().zip(color) {
-            *sum += weight * c;
-            self.sum_squares += weight * c * c;
-        }
+        self.sum.iter_mut().zip(color).for_each(|(sum, c)| *sum += weight * c);
+        color[..frame.lights].iter().for_each(|c| self.sum_squares += weight * c * c);
     }
 
-    fn mean_and_variance(&self) -> Option<([f32; 4], f32)> {
+    fn mean_and_variance(&self, frame: &FrontLayer) -> Option<([f32; 4], f32)> {
         let mean = self.sum.map(|s| s / self.weight);
-        (self.weight > 0.0).then(|| (mean, (self.sum_squares / self.weight - norm2(mean)).max(0.0)))
+        (self.weight > 0.0).then(|| (mean, (self.sum_squares / self.weight - frame.norm2(mean)).max(0.0)))
     }
-}
-
-fn norm2(v: [f32; 4]) -> f32 {
-    v.iter().map(|c| c * c).sum()
 }
 
 fn sub(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
@@ -109,12 +111,12 @@ fn pure_color(frame: &FrontLayer, x: usize, y: usize, s_surface: f32) -> Option<
             for dx in (-ring..=ring).step_by(step as usize) {
                 let Some(q) = frame.offset(x, y, dx, dy) else { continue };
                 if frame.connectivity[q] & EDGE == 0 && (frame.s[q] - s_surface).abs() < CONNECTED_PX {
-                    pure.add(frame.color_at(q), 1.0 / (dx * dx + dy * dy) as f32);
+                    pure.add(frame, frame.color_at(q), 1.0 / (dx * dx + dy * dy) as f32);
                 }
             }
         }
     }
-    pure.mean_and_variance()
+    pure.mean_and_variance(frame)
 }
 
 /// The colour of a structure too thin to have a pure pixel. Among the surrounding pixels with the structure's depth,
@@ -131,7 +133,7 @@ fn extreme_color(
         .filter_map(|(dx, dy)| frame.offset(x, y, dx, dy))
         .filter(|&q| (frame.s[q] - s_surface).abs() < CONNECTED_PX)
         .map(|q| frame.color_at(q))
-        .map(|color| (norm2(sub(color, other)), color))
+        .map(|color| (frame.norm2(sub(color, other)), color))
         .reduce(|best, next| if next.0 > best.0 { next } else { best })
         .map(|(_, color)| color)
 }
@@ -168,12 +170,13 @@ fn unmix_pixel(frame: &FrontLayer, x: usize, y: usize) -> Option<MixedPixel> {
     }
     let prior = in_front / all;
 
-    let pixel = Pixel { color: frame.color_at(index), front, back, prior };
-    let floor = 1e-4 * (norm2(front) + norm2(back)) + f32::MIN_POSITIVE;
+    let pixel = Pixel { frame, color: frame.color_at(index), front, back, prior };
+    let floor = 1e-4 * (frame.norm2(front) + frame.norm2(back)) + f32::MIN_POSITIVE;
     let pure = pixel.split(front_variance + floor, back_variance + floor);
-    let unexplained = norm2(pixel.rest(pure.coverage));
+    let unexplained = frame.norm2(pixel.rest(pure.coverage));
+    let contrast = frame.norm2(sub(front, back));
     let (coverage, front, back) =
-        if unexplained <= UNEXPLAINED * (front_variance + back_variance + norm2(sub(front, back)) + floor) {
+        if unexplained <= UNEXPLAINED * (front_variance + back_variance + contrast + floor) {
             (pure.coverage, pure.front, pure.back)
         } else {
             // The pixel contains something that neither pure colour shows, such as half a lamp. It belongs to the
@@ -199,7 +202,7 @@ fn spread(frame: &FrontLayer, x: usize, y: usize, s_surface: f32, pure: [f32; 4]
     let (mut sum, mut count) = (0.0, 0.0f32);
     for q in around.filter_map(|(dx, dy)| frame.offset(x, y, dx, dy)) {
         if (frame.s[q] - s_surface).abs() < CONNECTED_PX {
-            sum += norm2(sub(frame.color_at(q), pure));
+            sum += frame.norm2(sub(frame.color_at(q), pure));
             count += 1.0;
         }
     }
@@ -207,7 +210,8 @@ fn spread(frame: &FrontLayer, x: usize, y: usize, s_surface: f32, pure: [f32; 4]
 }
 
 /// A mixed pixel with the pure colours of both surfaces and the coverage that depth suggests.
-struct Pixel {
+struct Pixel<'a> {
+    frame: &'a FrontLayer<'a>,
     color: [f32; 4],
     front: [f32; 4],
     back: [f32; 4],
@@ -221,7 +225,7 @@ struct Split {
     back: [f32; 4],
 }
 
-impl Pixel {
+impl Pixel<'_> {
     /// The part of the pixel's colour that the two pure colours do not explain at this coverage.
     fn rest(&self, coverage: f32) -> [f32; 4] {
         std::array::from_fn(|c| self.color[c] - coverage * self.front[c] - (1.0 - coverage) * self.back[c])
@@ -231,11 +235,12 @@ impl Pixel {
     /// The residual is distributed over the two colours by their variances, so that they reproduce `C` exactly.
     fn split(&self, front_variance: f32, back_variance: f32) -> Split {
         let contrast = sub(self.front, self.back);
-        let along: f32 = sub(self.color, self.back).iter().zip(contrast).map(|(c, d)| c * d).sum();
+        let light = sub(self.color, self.back).into_iter().zip(contrast).take(self.frame.lights);
+        let along: f32 = light.map(|(c, d)| c * d).sum();
         // The standard deviation of the prior is a third, and a channel's variance is a third of the sum: (1/3) /
         // (1/3)^2.
         let trust = 3.0 * (front_variance + back_variance);
-        let coverage = ((along + trust * self.prior) / (norm2(contrast) + trust)).clamp(0.0, 1.0);
+        let coverage = ((along + trust * self.prior) / (self.frame.norm2(contrast) + trust)).clamp(0.0, 1.0);
         let coverage = if coverage < PURE {
             0.0
         } else if coverage > 1.0 - PURE {
@@ -256,6 +261,17 @@ impl Pixel {
                 (split.back[c], split.front[c]) = (0.0, self.color[c] / a);
             } else if self.color[c] >= 0.0 && split.front[c] < 0.0 && b > 0.0 {
                 (split.front[c], split.back[c]) = (0.0, self.color[c] / b);
+            }
+        }
+        // Nor is coverage more than all. Where one side would be, or less than nothing, the other side takes up the
+        // difference.
+        for c in self.frame.lights..self.frame.size.channels {
+            let both = [split.front[c], split.back[c]];
+            if a > 0.0 && b > 0.0 && both.iter().any(|v| !(0.0..=1.0).contains(v)) {
+                let bounded = |v: f32| v.clamp(0.0, 1.0);
+                let least = bounded((self.color[c] - b) / a);
+                split.front[c] = split.front[c].max(least).min(bounded(self.color[c] / a));
+                split.back[c] = bounded((self.color[c] - a * split.front[c]) / b);
             }
         }
         split
@@ -298,7 +314,7 @@ mod tests {
         let s: Vec<f32> = (0..w * h).map(|i| if i % w < 5 { 8.0 } else { 0.0 }).collect();
         let connectivity = super::super::edges::connectivity(&s, w, h);
         let mixed = unmix(
-            &FrontLayer { size, color: &color, s: &s, connectivity: &connectivity },
+            &FrontLayer { size, lights: 1, color: &color, s: &s, connectivity: &connectivity },
             &Cancel::default(),
         )
         .unwrap();
@@ -311,5 +327,45 @@ mod tests {
             assert!((m.front[0] - 2.0).abs() < 5e-3 && (m.back[0] - 1.0).abs() < 5e-3);
         }
         assert_eq!(mixed.len(), 2 * h);
+    }
+
+    /// Pixels of a picture of one column of light and coverage each, beside a straight silhouette.
+    fn unmixed_beside_an_edge(pixels: [[f32; 2]; 12]) -> Vec<MixedPixel> {
+        let (w, h) = (12, 7);
+        let size = Size { width: w, height: h, channels: 2 };
+        let color: Vec<f32> = (0..2 * w * h).map(|i| pixels[i % w][i / (w * h)]).collect();
+        let s: Vec<f32> = (0..w * h).map(|i| if i % w < 5 { 8.0 } else { 0.0 }).collect();
+        let connectivity = super::super::edges::connectivity(&s, w, h);
+        let frame = FrontLayer { size, lights: 1, color: &color, s: &s, connectivity: &connectivity };
+        unmix(&frame, &Cancel::default()).unwrap()
+    }
+
+    #[test]
+    fn coverage_does_not_tell_what_is_in_front_and_stays_coverage() {
+        let light = [2.0, 2.0, 2.0, 2.1, 2.0, 1.3, 1.0, 0.9, 1.0, 1.0, 1.0, 1.0];
+        let of =
+            |coverage: [f32; 12]| unmixed_beside_an_edge(std::array::from_fn(|x| [light[x], coverage[x]]));
+        let plain = of([0.0; 12]);
+        for coverage in [
+            [1.0; 12],
+            [0.9, 0.8, 1.0, 0.7, 1.0, 0.1, 0.0, 0.3, 0.2, 0.1, 0.0, 0.1],
+            [0.0, 0.1, 0.0, 0.2, 0.0, 1.0, 1.0, 0.9, 0.8, 1.0, 1.0, 1.0],
+        ] {
+            let mixed = of(coverage);
+            assert_eq!(mixed.len(), plain.len());
+            for (m, plain) in mixed.iter().zip(&plain) {
+                assert_eq!(
+                    (m.coverage, m.front[0], m.back[0]),
+                    (plain.coverage, plain.front[0], plain.back[0])
+                );
+                let [front, back] = [m.front[1], m.back[1]];
+                assert!((0.0..=1.0).contains(&front) && (0.0..=1.0).contains(&back), "{front} {back}");
+                let all = m.coverage * front + (1.0 - m.coverage) * back;
+                assert!((all - coverage[m.index % 12]).abs() < 1e-6, "{all}");
+                if coverage == [1.0; 12] {
+                    assert_eq!([front, back], [1.0; 2]);
+                }
+            }
+        }
     }
 }

@@ -85,7 +85,7 @@ impl Scene {
         check_radius(picture, optics)?;
         at_hand.map_or_else(
             || {
-                let layered = Arc::new(layered::build(picture, optics.k, simd, cancel)?);
+                let layered = Arc::new(layered::build(picture, self.lights, optics.k, simd, cancel)?);
                 *cached() = Some((optics.k, Arc::clone(picture), Arc::clone(&layered)));
                 Ok(layered)
             },
