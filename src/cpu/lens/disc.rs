@@ -84,7 +84,7 @@ impl RunningSums {
             for x in 0..across {
                 for c in 0..C {
                     sums[c][x] = sum[c];
-                    sum[c] = sum[c] + color[c][x];
+                    sum[c] += color[c][x];
                 }
             }
             for c in 0..C {

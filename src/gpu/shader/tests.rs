@@ -15,7 +15,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// All shaders.
-const SHADERS: [Shader; 34] = [
+const SHADERS: [Shader; 33] = [
     by_focus::BY_FOCUS,
     falloff::FALLOFF,
     gaussian::HALVE,
