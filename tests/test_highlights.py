@@ -1,5 +1,7 @@
 """Lamps through the flagship: they have the light that they should, and a surface never hides its own."""
 
+from itertools import pairwise
+
 import dofsim
 import numpy as np
 import pytest
@@ -94,10 +96,9 @@ def test_the_picture_has_no_step_where_a_highlight_begins(radius_px):
     """Where the cell outshines its surroundings by just so much that it is drawn apart."""
     disparity = np.full((96, 120), 0.2, np.float32)
     disparity[60:, 80:] = 0.8
-    steps = []
     brightness = DARK * np.linspace(4.0, 6.0, 41)
     lamps = [light_of({(40, 50): b}, disparity, radius_px / 0.6, 0.8) for b in brightness]
-    steps = [np.abs(b - a).max() for a, b in zip(lamps, lamps[1:], strict=False)]
+    steps = [np.abs(b - a).max() for a, b in pairwise(lamps)]
     assert max(steps) < 2.0 * np.median(steps)
 
 
