@@ -4,6 +4,7 @@ use super::colors::{CellColor, Colors};
 use super::grid::BLOCK;
 use super::layer::SceneLayer;
 use crate::picture::Size;
+use crate::rows::greater;
 use crate::simd::Simd;
 use rayon::prelude::*;
 
@@ -18,9 +19,9 @@ pub fn light_channels(size: Size) -> usize {
     if size.channels == 2 { 1 } else { size.channels.min(3) }
 }
 
-/// How bright a colour is.
+/// How bright a colour is: its brightest channel, which is the same for a grey in one channel and in three.
 fn brightness(color: &[f32; 4], lights: usize) -> f32 {
-    color[..lights].iter().sum()
+    color[..lights].iter().fold(0.0, |most, &v| greater(most, v))
 }
 
 /// The part of a colour's light that is above a limit of brightness: 0 up to the limit, and continuous from there on.
@@ -111,7 +112,7 @@ impl BlockLight {
 
     /// The brightness limits that follow from the light of the blocks.
     fn limits(&self) -> Vec<f32> {
-        let around = |b: usize| brightness(&self.around(b), light_channels(self.size)).max(0.0);
+        let around = |b: usize| brightness(&self.around(b), light_channels(self.size));
         let limit = |b: usize| HIGHLIGHT_RATIO * around(b);
         (0..self.light.len()).into_par_iter().map(limit).collect()
     }
@@ -139,7 +140,7 @@ fn add_row(row: &[f32], width: usize, lights: usize, blocks: &mut [(Light, f32)]
         for c in 0..lights {
             let mut sum = 0.0;
             for (bright, v) in bright.iter_mut().zip(&row[c * width..][columns.clone()]) {
-                *bright += v;
+                *bright = greater(*bright, *v);
                 sum += v;
             }
             light.sum[c] += sum;
