@@ -19,18 +19,12 @@ pub fn light_channels(size: Size) -> usize {
     if size.channels == 2 { 1 } else { size.channels.min(3) }
 }
 
-/// How bright a colour is: its brightest channel, which is the same for a grey in one channel and in three.
-fn brightness(color: &[f32; 4], lights: usize) -> f32 {
-    color[..lights].iter().fold(0.0, |most, &v| greater(most, v))
+/// The light of a colour that is above a limit, channel by channel: none up to the limit, and continuous from there on.
+fn above(color: &[f32; 4], limit: &[f32; 4], lights: usize) -> [f32; 4] {
+    std::array::from_fn(|c| if c < lights { (color[c] - limit[c]).max(0.0) } else { 0.0 })
 }
 
-/// The part of a colour's light that is above a limit of brightness: 0 up to the limit, and continuous from there on.
-fn part_above(color: &[f32; 4], lights: usize, limit: f32) -> f32 {
-    let bright = brightness(color, lights);
-    if bright > limit { 1.0 - limit / bright } else { 0.0 }
-}
-
-/// The light of some cells.
+/// The light of some cells. Negative values, as filters leave them, count as much as positive ones.
 #[derive(Clone, Copy, Default)]
 struct Light {
     sum: [f32; 4],
@@ -55,10 +49,10 @@ struct BlockLight {
     down: usize,
     /// Light of the cells, without what is above the limit.
     light: Vec<Light>,
-    /// The brightest cell.
-    brightest: Vec<f32>,
-    /// The brightness above which a cell is a highlight.
-    limit: Vec<f32>,
+    /// The greatest value of each channel.
+    brightest: Vec<[f32; 4]>,
+    /// The value of each channel above which a cell is a highlight. Channels do not know of one another.
+    limit: Vec<[f32; 4]>,
 }
 
 impl BlockLight {
@@ -68,7 +62,7 @@ impl BlockLight {
         let (across, down) = (size.width.div_ceil(BLOCK), size.height.div_ceil(BLOCK));
         let lights = light_channels(size);
         let block_row = |scratch: &mut Vec<f32>, by: usize| {
-            let mut blocks = vec![(Light::default(), f32::NEG_INFINITY); across];
+            let mut blocks = vec![(Light::default(), [0.0; 4]); across];
             scratch.resize(size.width * size.channels, 0.0);
             for y in by * BLOCK..(by * BLOCK + BLOCK).min(size.height) {
                 colors.copy_row(y, 0..size.width, size.width, scratch);
@@ -84,13 +78,13 @@ impl BlockLight {
         let mut all = BlockLight { size, across, down, light, brightest, limit: Vec::new() };
         all.limit = all.limits();
         let dim = |b: usize| {
-            if all.brightest[b] <= all.limit[b] {
+            if above(&all.brightest[b], &all.limit[b], lights) == [0.0; 4] {
                 return all.light[b];
             }
             let mut light = Light::default();
             for color in all.cells(b).map(|i| colors.at(i)) {
-                let kept = 1.0 - part_above(&color, lights, all.limit[b]);
-                light.add(&Light { sum: color.map(|v| kept * v), cells: 1.0 });
+                let kept = std::array::from_fn(|c| color[c].min(all.limit[b][c]).abs());
+                light.add(&Light { sum: kept, cells: 1.0 });
             }
             light
         };
@@ -110,10 +104,9 @@ impl BlockLight {
         light.mean()
     }
 
-    /// The brightness limits that follow from the light of the blocks.
-    fn limits(&self) -> Vec<f32> {
-        let around = |b: usize| brightness(&self.around(b), light_channels(self.size));
-        let limit = |b: usize| HIGHLIGHT_RATIO * around(b);
+    /// The limits that follow from the light of the blocks.
+    fn limits(&self) -> Vec<[f32; 4]> {
+        let limit = |b: usize| self.around(b).map(|around| HIGHLIGHT_RATIO * around);
         (0..self.light.len()).into_par_iter().map(limit).collect()
     }
 
@@ -132,20 +125,19 @@ impl BlockLight {
 
 /// Adds a row of the frame, one channel after another, to the blocks that it crosses.
 #[inline(always)]
-fn add_row(row: &[f32], width: usize, lights: usize, blocks: &mut [(Light, f32)]) {
+fn add_row(row: &[f32], width: usize, lights: usize, blocks: &mut [(Light, [f32; 4])]) {
     for (bx, (light, brightest)) in blocks.iter_mut().enumerate() {
         let columns = bx * BLOCK..(bx * BLOCK + BLOCK).min(width);
         light.cells += columns.len() as f32;
-        let mut bright = [0.0f32; BLOCK];
         for c in 0..lights {
-            let mut sum = 0.0;
-            for (bright, v) in bright.iter_mut().zip(&row[c * width..][columns.clone()]) {
-                *bright = greater(*bright, *v);
-                sum += v;
+            let (mut sum, mut most) = (0.0, brightest[c]);
+            for v in &row[c * width..][columns.clone()] {
+                sum += v.abs();
+                most = greater(most, *v);
             }
             light.sum[c] += sum;
+            brightest[c] = most;
         }
-        *brightest = bright[..columns.len()].iter().fold(*brightest, |m, &v| if v > m { v } else { m });
     }
 }
 
@@ -175,28 +167,23 @@ pub fn find(size: Size, layers: &[SceneLayer], simd: Simd) -> Vec<Vec<Bright>> {
     let of_layer = |(i, layer): (usize, &SceneLayer)| {
         // A layer given by the user has surroundings of its own: the layer in front may be dark, or almost absent.
         let own = (i > 0 && !layer.colors.is_list()).then(|| BlockLight::new(size, &layer.colors, simd));
-        let brighter = |b: usize| match &own {
-            Some(own) if own.limit[b] > front.limit[b] => own,
-            _ => &front,
+        let limit = |b: usize| match &own {
+            Some(own) => std::array::from_fn(|c| greater(own.limit[b][c], front.limit[b][c])),
+            None => front.limit[b],
         };
-        let above = |index: usize, color: &[f32; 4]| {
-            let b = front.block_of(index);
-            part_above(color, lights, brighter(b).limit[b])
-        };
-        let stands_out = |&index: &usize| above(index, &layer.colors.at(index)) > 0.0;
+        let excess = |index: usize| above(&layer.colors.at(index), &limit(front.block_of(index)), lights);
+        let stands_out = |&index: &usize| excess(index) != [0.0; 4];
         let found: Vec<usize> = if layer.colors.is_list() {
             let cells = layer.colors.listed(0..size.pixels()).par_iter().map(|cell| cell.index);
             cells.filter(stands_out).collect()
         } else {
             let brightest = &own.as_ref().unwrap_or(&front).brightest;
-            let blocks =
-                (0..brightest.len()).into_par_iter().filter(|&b| brightest[b] > brighter(b).limit[b]);
+            let blocks = (0..brightest.len()).into_par_iter();
+            let blocks = blocks.filter(|&b| above(&brightest[b], &limit(b), lights) != [0.0; 4]);
             blocks.flat_map_iter(|b| front.cells(b)).filter(stands_out).collect()
         };
         let bright = |index: usize| {
-            let color = layer.colors.at(index);
-            let above = above(index, &color);
-            let excess: [f32; 4] = std::array::from_fn(|c| if c < lights { above * color[c] } else { 0.0 });
+            let (color, excess) = (layer.colors.at(index), excess(index));
             let area = match layer.partial.binary_search_by_key(&index, |p| p.0) {
                 Ok(i) => layer.partial[i].1.area,
                 Err(_) => 1.0,
