@@ -98,15 +98,8 @@ impl HighlightPass<'_> {
                 let to = [middle.x - (origin.0 + x) as i32, middle.y - (origin.1 + y) as i32];
                 to.map(|d| f64::from(d) / middle.drawn_px())
             };
-            let mut open = [None; (TILE.0 / BLOCK) * (TILE.1 / BLOCK)];
             differences.for_each::<C>(|x, y, light| {
-                let (bx, by) = (x / BLOCK, y / BLOCK);
-                let is_open = *open[by * (TILE.0 / BLOCK) + bx].get_or_insert_with(|| {
-                    let corner = |i: usize| lens_point((bx + i) * BLOCK - i, (by + i) * BLOCK - i);
-                    self.is_open(cluster, middle, [corner(0), corner(1)])
-                });
-                let visible =
-                    if is_open { 1.0 } else { self.visible_from(cluster, middle, lens_point(x, y)) };
+                let visible = self.visible_from(cluster, middle, lens_point(x, y));
                 add(x, y, light, f64::from(visible));
             });
         }
@@ -163,49 +156,6 @@ impl HighlightPass<'_> {
         self.padded.layers.iter().enumerate().filter(|(i, _)| *i != middle.layer).any(|(_, layer)| {
             let lo = layer.lo[cell];
             lo > cluster.code && f64::from(lo - cluster.code) * px_per_code <= within
-        })
-    }
-
-    /// Whether no cell at all can hide a cluster from the lens points between two corners, as the blocks' nearest
-    /// depths tell: then [`visible_from`](Self::visible_from) is 1 for all of them.
-    fn is_open(&self, cluster: &Cluster, middle: &Highlight, corners: [[f64; 2]; 2]) -> bool {
-        let padded = self.padded;
-        let pad = padded.padding.pad as i32;
-        let at = [middle.x + pad, middle.y + pad];
-        let own = (at[1] * padded.padding.stride as i32 + at[0]) as usize;
-        if self.is_covered(cluster, middle, own, f64::INFINITY) {
-            return false;
-        }
-        // A pixel more than the half of a cell, for the rounding of rays to cells and codes.
-        const MARGIN_PX: f64 = 1.5;
-        let farthest = padded.reach_px - middle.t;
-        let lens = [0, 1].map(|i| [corners[0][i].min(corners[1][i]), corners[0][i].max(corners[1][i])]);
-        let blocks = |i: usize, n: usize| {
-            let [least, most] = lens[i];
-            let first = f64::from(at[i]) + (least * farthest).min(0.0) - MARGIN_PX;
-            let last = f64::from(at[i]) + (most * farthest).max(0.0) + MARGIN_PX;
-            first.max(0.0) as usize / BLOCK..=(last.max(0.0) as usize / BLOCK).min(n / BLOCK - 1)
-        };
-        // The shift in front of the cluster at which a ray first comes to a block, along one axis.
-        let first_at = |i: usize, block: usize| {
-            let [least, most] = lens[i];
-            let near = (block * BLOCK) as f64 - f64::from(at[i]) - MARGIN_PX;
-            let far = near + BLOCK as f64 - 1.0 + 2.0 * MARGIN_PX;
-            if near > 0.0 {
-                if most > 0.0 { near / most } else { f64::INFINITY }
-            } else if far < 0.0 {
-                if least < 0.0 { far / least } else { f64::INFINITY }
-            } else {
-                0.0
-            }
-        };
-        blocks(1, padded.padding.rows).all(|by| {
-            let at_row = first_at(1, by);
-            blocks(0, padded.padding.stride).all(|bx| {
-                let nearest = padded.bounds.range[by * padded.bounds.across + bx].1;
-                let in_front = f64::from(nearest.saturating_sub(cluster.code)) * padded.codes.step();
-                nearest <= cluster.span[1] || at_row.max(first_at(0, bx)) > in_front + MARGIN_PX
-            })
         })
     }
 
