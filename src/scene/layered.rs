@@ -170,25 +170,29 @@ fn from_one_layer(
     let own = |index: usize, color: [f32; 4]| CellColor { index, color };
     let front_colors = both.iter().map(|m| own(m.index, m.front));
     let front_colors = front_colors.chain(behind.iter().map(|m| own(m.index, m.back))).collect();
-    let back_colors = both.iter().map(|m| own(m.index, m.back));
-    let back_colors = back_colors.chain(hidden.iter().map(|h| own(h.index, h.color))).collect();
+    let back = both.iter().map(|m| (m.index, m.s_back, m.back));
+    let back = layer_of_cells(size, back.chain(hidden.iter().map(|h| (h.index, h.s, h.color))));
 
     both.iter().for_each(|m| s[m.index] = m.s_front);
     behind.iter().for_each(|m| s[m.index] = m.s_back);
-    let mut back_s = Buffer::full(size.pixels(), f32::NAN);
-    both.iter().for_each(|m| back_s[m.index] = m.s_back);
-    hidden.iter().for_each(|h| back_s[h.index] = h.s);
-
     let front = SceneLayer {
         s: Arc::new(s),
         colors: colors.with(front_colors),
         partial: Arc::new(partial),
         connectivity: Arc::new(connectivity),
     };
-    let colors = Colors::of_cells(size, back_colors);
-    let back =
-        SceneLayer { s: Arc::new(back_s), colors, partial: Arc::default(), connectivity: Arc::default() };
     Ok(LayeredScene::new(size, vec![front, back], true, simd))
+}
+
+/// The layer that has only these cells: the pixel, the shift and the colour of each.
+fn layer_of_cells(size: Size, cells: impl Iterator<Item = (usize, f32, [f32; 4])>) -> SceneLayer {
+    let mut shifts = Buffer::full(size.pixels(), f32::NAN);
+    let colors = cells.map(|(index, s, color)| {
+        shifts[index] = s;
+        CellColor { index, color }
+    });
+    let colors = Colors::of_cells(size, colors.collect());
+    SceneLayer { s: Arc::new(shifts), colors, partial: Arc::default(), connectivity: Arc::default() }
 }
 
 /// Half-planes of the pixels whose coverage is neither 0 nor 1.
@@ -269,16 +273,7 @@ fn from_layers(
     let opaque = (0..n).into_par_iter().all(covered);
     let hidden = hidden_by_all(size, lights, layers, &built, cancel)?;
     if !hidden.is_empty() {
-        let mut s = Buffer::full(n, f32::NAN);
-        hidden.iter().for_each(|h| s[h.index] = h.s);
-        let colors = hidden.iter().map(|h| CellColor { index: h.index, color: h.color }).collect();
-        let colors = Colors::of_cells(size, colors);
-        built.push(SceneLayer {
-            s: Arc::new(s),
-            colors,
-            partial: Arc::default(),
-            connectivity: Arc::default(),
-        });
+        built.push(layer_of_cells(size, hidden.iter().map(|h| (h.index, h.s, h.color))));
     }
     Ok(LayeredScene::new(size, built, opaque, simd))
 }
@@ -319,10 +314,7 @@ fn hidden_by_all(
     let mut color = Buffer::unset(size.channels * n);
     for (c, plane) in color.chunks_mut(n).enumerate() {
         plane.par_iter_mut().zip(&seen).enumerate().for_each(|(i, (own, seen))| {
-            *own = seen.map_or(0.0, |layer| {
-                let layer = usize::from(layer);
-                layers[layer].color[c * n + i] / coverage(layer, i)
-            });
+            *own = seen.map_or(0.0, |layer| built[usize::from(layer)].colors.at(i)[c]);
         });
     }
 

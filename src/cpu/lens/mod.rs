@@ -82,7 +82,7 @@ pub fn render(
     };
     let colors = with(&highlights.dimmed);
     if !sample_sets.is_empty() {
-        let swept = highlights.swept().map(with);
+        let swept = highlights.swept.as_deref().map(with);
         let drawn = scene.layers.iter().zip(swept.as_ref().unwrap_or(&colors)).map(|(layer, colors)| {
             widen::widened(&footprint, layer, colors, size, s_focus, simd).unwrap_or_else(|| colors.clone())
         });

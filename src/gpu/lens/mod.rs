@@ -89,7 +89,7 @@ pub fn render(
     let frame = LensFrame { cells, codes: &scene.codes, plan: &plan, clip: clip.as_ref(), picture: &picture };
     disc::pass(commands, &frame, &kernels, dim.buffer(cells))?;
     if !plan.sample_sets.is_empty() {
-        let swept = highlights.swept().map(|swept| colors::dim(commands, cells, swept)).transpose()?;
+        let swept = highlights.swept.as_ref().map(|swept| colors::dim(commands, cells, swept)).transpose()?;
         let drawn = colors::drawn(commands, cells, &plan, swept.as_ref().unwrap_or(&dim).buffer(cells))?;
         sweep::pass(commands, &frame, &drawn)?;
     }

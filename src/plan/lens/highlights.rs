@@ -118,8 +118,8 @@ pub struct Highlights {
     pub clusters: Vec<Cluster>,
     /// For each layer, the colours of their cells without that light.
     pub dimmed: Vec<Vec<CellColor>>,
-    /// The same without the part that is not swept, if some of it is.
-    swept: Option<Vec<Vec<CellColor>>>,
+    /// For each layer, the colours with which they are swept, if these are not the dimmed ones.
+    pub swept: Option<Vec<Vec<CellColor>>>,
     /// For each tile, the clusters that reach it, in order.
     pub by_tile: Vec<Vec<u32>>,
 }
@@ -174,11 +174,6 @@ impl Highlights {
                 }
             }
         }
-    }
-
-    /// For each layer, the colours with which cells of highlights are swept, if they are not the dimmed ones.
-    pub fn swept(&self) -> Option<&[Vec<CellColor>]> {
-        self.swept.as_deref()
     }
 
     /// The radius steps of all discs.
