@@ -8,13 +8,12 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
 import pytest
-from dofsim import io
 from dofsim.batch import Frame, map_frames, pair_files
 from dofsim.batch.unfinished import remove_unfinished
 from dofsim.batch.workers import dask_cluster
 from dofsim.cli import run
+from frames import write_frames
 
 distributed = pytest.importorskip("distributed")
 
@@ -26,12 +25,7 @@ LENS_OPTIONS = ("--aperture-radius", "0.3", "--focus-distance", "3", "--fov", "4
 @pytest.fixture
 def data(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    rng = np.random.default_rng(9)
-    for index in range(COUNT):
-        Path("rgb").mkdir(exist_ok=True)
-        Path("depth").mkdir(exist_ok=True)
-        io.write_image(f"rgb/{index:04}.exr", rng.random((40, 56, 3), dtype=np.float32))
-        io.write_depth(f"depth/{index:04}.pfm", rng.uniform(2, 9, (40, 56)))
+    write_frames(COUNT, seed=9)
     return tmp_path
 
 

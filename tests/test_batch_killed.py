@@ -12,9 +12,8 @@ import sys
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
-from dofsim import io
+from frames import write_frames
 from interrupts import HANG_S
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="workers are found and killed the Linux way")
@@ -31,12 +30,7 @@ OPTIONS = [*LENS, "--set", "views=2048", "--outputs", "picture,coc,mask"]
 def expected(tmp_path, monkeypatch):
     """Go to a folder with a data set; give the files of a batch that nobody disturbs."""
     monkeypatch.chdir(tmp_path)
-    rng = np.random.default_rng(10)
-    for folder in ("rgb", "depth"):
-        Path(folder).mkdir()
-    for index in range(COUNT):
-        io.write_image(f"rgb/{index:04}.exr", rng.random((40, 56, 3), dtype=np.float32))
-        io.write_depth(f"depth/{index:04}.pfm", rng.uniform(2, 9, (40, 56)))
+    write_frames(COUNT, seed=10)
     run = start("calm")
     run.communicate(timeout=HANG_S)
     assert run.returncode == 0
