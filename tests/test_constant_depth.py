@@ -1,12 +1,18 @@
-"""At constant depth a lens is a convolution with the picture of its opening, and must be exactly that."""
+"""At constant depth a lens is a convolution with the picture of its opening, and must be exactly that.
+
+From a radius of 5 px on, the picture of the opening is the part of each pixel that it covers. For smaller
+openings that is too coarse, and the law is the lens's transfer function.
+"""
 
 import cv2
 import dofsim
 import numpy as np
 import pytest
+from scipy.special import j1
 from skimage.filters import gaussian
 
-RADII_PX = [0.0, 0.3, 1.0, 2.5, 7.0, 31.0]
+RADII_PX = [0.0, 5.0, 7.0, 31.0]
+SMALL_RADII_PX = [0.0, 0.1, 0.3, 0.5, 0.6, 0.75, 1.0, 1.3, 2.0, 2.5, 3.5, 4.5]
 # Disparities one unit behind and in front of the focus.
 SIDES = {"behind": -1.0, "in front": 1.0}
 # The kernels are area-exact on both sides; float32 sums over a disc of radius 31 stay well below this.
@@ -90,6 +96,61 @@ def test_polygon_is_a_convolution(color, radius_px, side, blades, rotation):
     point = polygon(radius_px, blades, rotation + turn) if radius_px else np.ones((1, 1))
     out = render(color, radius_px, side, dofsim.Aperture(blades=blades, rotation=rotation))
     assert np.abs(out - convolve(color, point)).max() < MAX_ERROR
+
+
+def contrast_left(render_picture, radius_px, period_px, side):
+    """Give what a lens leaves of a sinusoid across the picture: its complex contrast afterwards."""
+    size, margin = 96, 12
+    phase = 2 * np.pi / period_px * (np.arange(size) - size // 2)
+    row = np.broadcast_to(0.5 + 0.4 * np.cos(phase), (size // 2, size))
+    out = render_picture(np.repeat(row[..., None], 3, 2).astype(np.float32), radius_px, side)
+    # A whole number of periods, away from the borders.
+    inside = slice(margin, margin + period_px * ((size - 2 * margin) // period_px))
+    middle = out[size // 4, inside, 0].astype(float) - 0.5
+    return 2 * np.mean(middle * np.exp(-1j * phase[inside])) / 0.4
+
+
+def transfer(point, fine, period_px):
+    """Transform a point's picture that is sampled `fine` times a pixel."""
+    x = (np.arange(point.shape[1]) - point.shape[1] // 2) / fine
+    # A point at x is lit by what lies at -x from it.
+    return np.sum(point.sum(axis=0) * np.exp(-2j * np.pi / period_px * x))
+
+
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("radius_px", SMALL_RADII_PX)
+def test_a_small_disc_has_the_transfer_function_of_the_lens(radius_px, side):
+    for period_px in (4, 6, 9, 18):
+        x = 2 * np.pi / period_px * radius_px
+        expected = 2 * j1(x) / x if x else 1.0
+        left = contrast_left(render, radius_px, period_px, side)
+        assert abs(left - expected) < 0.01, period_px
+
+
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("radius_px", [0.3, 0.8, 1.5, 3.5])
+@pytest.mark.parametrize(("blades", "rotation"), [(6, 15.0), (3, 20.0)])
+def test_a_small_polygon_has_its_own_transfer_function(radius_px, side, blades, rotation):
+    fine = 16
+    turn = 180.0 if side == "in front" else 0.0
+    point = polygon(radius_px * fine, blades, rotation + turn)
+    aperture = dofsim.Aperture(blades=blades, rotation=rotation)
+    for period_px in (4, 6, 9, 18):
+        expected = transfer(point, fine, period_px)
+        left = contrast_left(lambda *a: render(*a, aperture=aperture), radius_px, period_px, side)
+        # In focus, a triangle's third moment is not rendered.
+        assert abs(left - expected) < 0.012, period_px
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_blur_begins_without_a_step(color, side):
+    change = [
+        np.abs(render(color, r + 1e-3, side) - render(color, r, side)).max() for r in (0.0, 0.1, 0.3, 0.45)
+    ]
+    assert max(change) < 1.5e-3
+    # Where the exchange with neighbours ends, and where fitted weights do.
+    for r in (0.5, 0.75, 3.0, 5.0):
+        assert np.abs(render(color, r + 5e-4, side) - render(color, r - 5e-4, side)).max() < 2e-3, r
 
 
 @pytest.mark.parametrize(("side", "sign"), [("behind", 1.0), ("in front", -1.0)])

@@ -87,7 +87,7 @@ def lamp(shift_px, aperture, edge=False, **options):
 
 
 @pytest.mark.parametrize("edge", [False, True], ids=["plain", "beside an edge"])
-@pytest.mark.parametrize("shift_px", [-3.7, -12.0, -24.6])
+@pytest.mark.parametrize("shift_px", [-5.7, -12.0, -24.6])
 @pytest.mark.parametrize("name", OPENINGS)
 def test_a_point_is_drawn_as_the_opening_with_all_its_light(name, shift_px, edge):
     aperture, transmission = OPENINGS[name]

@@ -123,34 +123,38 @@ pub struct Kernel {
     pub reach: i32,
     /// Weight of every pixel in a row's run.
     pub run_weight: f32,
-    /// The rows that have weights.
+    /// The rows from the first to the last that has weights, one after the other.
     pub rows: Vec<KernelRow>,
 }
 
 impl Kernel {
     /// The kernel of these weights, each the mean transmission over a pixel.
-    fn from_weights(reach: i32, weight: impl Fn(i32, i32) -> f64) -> Kernel {
+    pub(super) fn from_weights(reach: i32, weight: impl Fn(i32, i32) -> f64) -> Kernel {
         // A pixel counts as completely covered if only rounding is missing.
         const WHOLE: f64 = 1.0 - 1e-12;
         let raw: Vec<(i32, Vec<(i32, f64)>)> = (-reach..=reach)
             .map(|dy| (dy, (-reach..=reach).map(|dx| (dx, weight(dx, dy))).filter(|w| w.1 > 0.0).collect()))
-            .filter(|(_, row): &(i32, Vec<_>)| !row.is_empty())
             .collect();
+        // A row without weights stays if it lies between others: rows are found by their number.
+        let is_empty = |(_, row): &&(i32, Vec<_>)| row.is_empty();
+        let (above, below) =
+            (raw.iter().take_while(is_empty).count(), raw.iter().rev().take_while(is_empty).count());
+        let raw = raw.get(above..raw.len() - below).unwrap_or_default();
         let total: f64 = raw.iter().flat_map(|(_, row)| row).map(|w| w.1).sum();
         if total <= 0.0 {
             let centre = KernelRow { dy: 0, run: (0, 1), partial: Vec::new() };
             return Kernel { reach: 0, run_weight: 1.0, rows: vec![centre] };
         }
         let rows = raw
-            .into_iter()
+            .iter()
             .map(|(dy, row)| {
-                let run = longest_run(&row, WHOLE);
+                let run = longest_run(row, WHOLE);
                 let partial = row
                     .iter()
                     .filter(|w| !(run.0..run.1).contains(&w.0))
                     .map(|w| (w.0, (w.1 / total) as f32))
                     .collect();
-                KernelRow { dy, run, partial }
+                KernelRow { dy: *dy, run, partial }
             })
             .collect();
         Kernel { reach, run_weight: (1.0 / total) as f32, rows }

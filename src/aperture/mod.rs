@@ -5,7 +5,7 @@
 //!
 //! An opening is an [`outline`] with a [`profile`] of light from its centre to its rim, or a [`picture`]. Either maps
 //! the unit square to the lens so that equal areas have equal light. So lens points have equal weights, and either
-//! has an exact [`kernel`].
+//! has an exact [`kernel`]; [`transfer`] fits small kernels to what the lens does to fine structure.
 
 mod coverage;
 mod kernel;
@@ -15,8 +15,10 @@ mod picture;
 mod profile;
 #[cfg(test)]
 mod tests;
+mod transfer;
 
 pub use kernel::{Kernel, KernelRow};
 pub use opening::{Aperture, Feature};
 pub use picture::Picture;
 pub use profile::Side;
+pub use transfer::{EXCHANGED_PX, ROUNDING, exchange};

@@ -92,6 +92,72 @@ fn aberration_has_a_bright_rim_behind_the_focus_and_a_soft_one_in_front() {
 }
 
 #[test]
+fn rows_of_a_kernel_follow_one_another() {
+    let slits = Picture::new(1, &[1.0, 0.0, 0.0, 0.0, 1.0]).unwrap();
+    let openings = openings().into_iter().map(|o| o.0).chain([Aperture::of_picture(slits)]);
+    for aperture in openings {
+        for t in [0.2, 0.6, 0.9, 1.3, 2.2, 4.1, -7.3, -25.0] {
+            for kernel in [aperture.kernel(t), aperture.transfer_kernel(t)] {
+                let first = kernel.rows[0].dy;
+                for (i, row) in kernel.rows.iter().enumerate() {
+                    assert_eq!(row.dy, first + i as i32, "{aperture:?} {t}");
+                }
+            }
+        }
+    }
+}
+
+/// `2 J1(x) / x`, as the mean of a cosine over a disc.
+fn disc_transfer(x: f64) -> f64 {
+    const CHORDS: usize = 4096;
+    let chord = |i: usize| (i as f64 + 0.5) / CHORDS as f64;
+    let (sum, all) = (0..CHORDS).map(chord).fold((0.0, 0.0), |(sum, all), u| {
+        let width = (1.0 - u * u).sqrt();
+        (sum + width * (x * u).cos(), all + width)
+    });
+    sum / all
+}
+
+#[test]
+fn fitted_kernels_have_the_transfer_function_of_the_disc() {
+    for t in [0.1, 0.25, 0.5, 0.6, 0.75, 0.9, 1.0, 1.2, 1.5, 2.0, 2.7, 3.3, 4.0, 4.6, 5.5] {
+        let kernel = Aperture::DISC.transfer_kernel(t);
+        for period in [4.0, 5.0, 6.5, 9.0, 16.0, 40.0] {
+            for angle in [0.0, 0.4, 0.785] {
+                let w = 2.0 * PI / period;
+                let [wx, wy] = [w * f64::cos(angle), w * f64::sin(angle)];
+                let left: f64 = kernel
+                    .weights()
+                    .map(|(x, y, weight)| f64::from(weight) * (wx * f64::from(x) + wy * f64::from(y)).cos())
+                    .sum();
+                // Without negative weights, diagonals cannot be fitted quite as well.
+                let tolerance = if angle == 0.0 { 0.0095 } else { 0.0125 };
+                let error = left - disc_transfer(w * t);
+                assert!(error.abs() < tolerance, "{t} px, period {period}, {angle}: {error}");
+            }
+        }
+    }
+}
+
+#[test]
+fn fitted_kernels_grow_smoothly_and_stay_symmetric() {
+    let weights = |t: f64| {
+        let kernel = Aperture::DISC.transfer_kernel(t);
+        move |x: i32, y: i32| kernel.weights().find(|w| (w.0, w.1) == (x, y)).map_or(0.0, |w| w.2)
+    };
+    for i in 1..120 {
+        let t = f64::from(i) * 0.05;
+        let (here, next) = (weights(t), weights(t + 1e-3));
+        for (x, y) in (-8..=8).flat_map(|y| (-8..=8).map(move |x| (x, y))) {
+            assert!((here(x, y) - next(x, y)).abs() < 6e-3, "{t}: {} to {}", here(x, y), next(x, y));
+            for (x2, y2) in [(-x, y), (y, x), (-y, x)] {
+                assert!((here(x, y) - here(x2, y2)).abs() < 1e-5, "{t} at {x}, {y}");
+            }
+        }
+    }
+}
+
+#[test]
 fn kernels_sum_to_one_and_small_ones_are_the_identity() {
     for (aperture, _) in openings() {
         for t in [-9.5, -0.3, 0.0, 0.3, 0.5, 1.0, 31.0] {
@@ -160,12 +226,13 @@ proptest! {
         t in -60.0..60.0f64,
     ) {
         let aperture = &openings()[opening].0;
-        let kernel = aperture.kernel(t);
-        let mut sum = 0.0;
-        for (dx, dy, w) in kernel.weights() {
-            prop_assert!(w >= 0.0 && dx.abs() <= kernel.reach && dy.abs() <= kernel.reach);
-            sum += f64::from(w);
+        for kernel in [aperture.kernel(t), aperture.transfer_kernel(t)] {
+            let mut sum = 0.0;
+            for (dx, dy, w) in kernel.weights() {
+                prop_assert!(w >= 0.0 && dx.abs() <= kernel.reach && dy.abs() <= kernel.reach);
+                sum += f64::from(w);
+            }
+            prop_assert!((sum - 1.0).abs() < 1e-5, "{aperture:?}: {sum}");
         }
-        prop_assert!((sum - 1.0).abs() < 1e-5, "{aperture:?}: {sum}");
     }
 }

@@ -1,15 +1,17 @@
 //! The flagship: an integral over the lens with visibility for every lens sample.
 //!
-//! [`padded`] lays the layered scene out for one focus, [`culling`] bounds its depths, and each tile is a copy, an
-//! exact [`disc`], or a [`sweep`]. [`highlights`] are drawn over them.
+//! [`padded`] lays the layered scene out for one focus, [`culling`] bounds its depths, and each tile is
+//! [`in_focus`], an exact [`disc`], or a [`sweep`]. [`highlights`] are drawn over them.
 
 mod culling;
 mod disc;
 mod highlights;
+mod in_focus;
 mod lanes;
 mod padded;
 mod padded_colors;
 mod padded_layer;
+mod surroundings;
 mod sweep;
 mod tile_color;
 mod widen;
@@ -33,8 +35,10 @@ use crate::scene::layer::SceneLayer;
 use crate::scene::layered::LayeredScene;
 use crate::simd::Simd;
 use highlights::{Differences, HighlightPass};
+use in_focus::Composite;
 use padded::Padded;
 use rayon::prelude::*;
+use surroundings::Surroundings;
 use sweep::{Segments, Start};
 use tile_color::TileColor;
 
@@ -68,7 +72,7 @@ pub fn render(
     cancel.check()?;
     let highlights = Highlights::new(scene, &plan, simd);
     cancel.check()?;
-    let Plan { s_focus, reach_px, padding, bounds, tiles, sample_sets, footprint, missed } = plan;
+    let Plan { s_focus, reach_px, padding, bounds, tiles, sample_sets, footprint, in_focus, missed } = plan;
     let needed = tiles::needed(&padding, &bounds, &tiles);
     let mut padded = Padded::new(scene, padding, bounds, reach_px, &needed, simd);
     cancel.check()?;
@@ -99,10 +103,12 @@ pub fn render(
     let kernels = Kernels::new(&settings.aperture, s_focus, keys, level, cancel)?;
     let gather =
         disc::Gather { size, colors: &colors[0], s: &front.s, s_focus, kernels: &kernels, simd, cancel };
+    let is_asked = highlights.clusters.iter().any(|cluster| cluster.hidden_in_part);
+    let surroundings = if is_asked { Surroundings::new(&padded) } else { Surroundings::default() };
     let pass = HighlightPass {
         highlights: &highlights,
         padded: &padded,
-        s_focus,
+        surroundings,
         kernels: &kernels,
         clip: clip.as_ref(),
     };
@@ -111,12 +117,13 @@ pub fn render(
     slots.par_iter_mut().zip(&tiles).enumerate().with_max_len(TILES_PER_TASK).try_for_each_init(
         || {
             let sums = disc::RunningSums::default();
-            (Segments::default(), sums, Differences::default(), TileColor::new(size.channels))
+            let tile = TileColor::new(size.channels);
+            (Segments::default(), sums, Composite::default(), Differences::default(), tile)
         },
-        |(segments, sums, differences, color), (i, (slot, tile))| {
+        |(segments, sums, composite, differences, color), (i, (slot, tile))| {
             cancel.check()?;
             match &tile.work {
-                Work::Copy => copy(picture, tile.origin, color),
+                Work::InFocus => composite.tile(picture, &scene.layers, &in_focus, tile.origin, color),
                 Work::Disc => gather.tile(tile.origin, sums, color)?,
                 Work::Sweep { samples, occupied } => {
                     let start = Start {
@@ -142,28 +149,4 @@ pub fn render(
             Ok(())
         },
     )
-}
-
-/// Renders a tile as the pinhole sees it: its layers composited.
-fn copy(picture: &Picture, origin: (usize, usize), out: &mut TileColor) {
-    let (size, n) = (picture.size, picture.size.pixels());
-    let across = TILE.0.min(size.width - origin.0);
-    for y in 0..TILE.1.min(size.height - origin.1) {
-        let start = (origin.1 + y) * size.width + origin.0;
-        let mut left = [1.0f32; TILE.0];
-        for (i, layer) in picture.layers.iter().enumerate() {
-            let row = |c: usize| &layer.color[c * n + start..][..across];
-            for (c, plane) in out.planes.iter_mut().enumerate() {
-                let out = &mut plane[y * TILE.0..][..across];
-                if i == 0 {
-                    out.copy_from_slice(row(c));
-                } else {
-                    out.iter_mut().zip(row(c)).zip(&left).for_each(|((out, v), left)| *out += left * v);
-                }
-            }
-            if picture.layers.len() > 1 {
-                left.iter_mut().zip(row(size.channels - 1)).for_each(|(left, alpha)| *left *= 1.0 - alpha);
-            }
-        }
-    }
 }

@@ -1,7 +1,7 @@
 //! Carries out [`plan::lens`](crate::plan::lens).
 //!
 //! The layered scene stays on the device; another focus only uploads its plan. [`colors`] prepares the cells' colours
-//! for the focus. Then each tile is a copy, an exact [`disc`] or a [`sweep`], and [`highlights`] are added to them.
+//! for the focus. Then each tile is in focus, an exact [`disc`] or a [`sweep`], and [`highlights`] are added to them.
 
 pub(super) mod colors;
 pub(super) mod disc;
@@ -33,13 +33,18 @@ use crate::simd::Simd;
 use frame::{LensFrame, origin, per_pixel};
 use kernels::Kernels;
 
-pub const COPY: Shader = shader!("lens/copy", ["mirror", "picture"], [CopyParams]);
+pub const IN_FOCUS: Shader =
+    shader!("lens/in_focus", ["mirror", "picture", "lens/depth_spans"], [InFocusParams]);
 
 shared! {
-    /// Parameters for tiles that are copied.
-    struct CopyParams {
+    /// Parameters for tiles in focus.
+    struct InFocusParams {
         size: [u32; 2],
         layers: u32,
+        cell_layers: u32,
+        loss_per_px2: [f32; 2],
+        s_focus: f32,
+        _end: u32,
     }
 }
 
@@ -85,8 +90,8 @@ pub fn render(
     let clip = settings.second_stop.map(|second_stop| PupilClip::new(second_stop, &settings.aperture));
     let picture = commands.output(size)?;
     let dim = colors::dim(commands, cells, &highlights.dimmed)?;
-    copy(commands, input.picture, &plan, &picture)?;
     let frame = LensFrame { cells, codes: &scene.codes, plan: &plan, clip: clip.as_ref(), picture: &picture };
+    in_focus(commands, input.picture, &frame)?;
     disc::pass(commands, &frame, &kernels, dim.buffer(cells))?;
     if !plan.sample_sets.is_empty() {
         let swept = highlights.swept.as_ref().map(|swept| colors::dim(commands, cells, swept)).transpose()?;
@@ -97,15 +102,29 @@ pub fn render(
     Ok(picture)
 }
 
-/// Copies the tiles that are in focus.
-fn copy(commands: &mut Commands, picture: &GpuPicture, plan: &Plan, out: &wgpu::Buffer) -> Result<()> {
-    let copied = plan.tiles.iter().filter(|tile| tile.work == Work::Copy);
-    let origins: Vec<[u32; 2]> = copied.map(|tile| origin(tile.origin)).collect();
+/// Renders the tiles that are in focus.
+fn in_focus(commands: &mut Commands, picture: &GpuPicture, frame: &LensFrame) -> Result<()> {
+    let LensFrame { cells, plan, .. } = *frame;
+    let tiles = plan.tiles.iter().filter(|tile| tile.work == Work::InFocus);
+    let origins: Vec<[u32; 2]> = tiles.map(|tile| origin(tile.origin)).collect();
     if origins.is_empty() {
         return Ok(());
     }
-    let params = CopyParams { size: pixels(picture.size), layers: picture.layers as u32 };
+    let params = InFocusParams {
+        size: pixels(picture.size),
+        layers: picture.layers as u32,
+        cell_layers: cells.layers as u32,
+        loss_per_px2: plan.in_focus.loss_per_px2,
+        s_focus: plan.s_focus as f32,
+        _end: 0,
+    };
     let tiles = commands.gpu.upload("the tiles in focus", &origins)?;
-    let buffers = [Read(&picture.color), Read(&picture.disparity), Read(&tiles), Write(out)];
-    commands.pass(&COPY, picture.size.channels, &params, &buffers, per_pixel(origins.len()))
+    let buffers = [
+        Read(&picture.color),
+        Read(&picture.disparity),
+        Read(&tiles),
+        Read(&cells.shifts),
+        Write(frame.picture),
+    ];
+    commands.pass(&IN_FOCUS, picture.size.channels, &params, &buffers, per_pixel(origins.len()))
 }

@@ -175,7 +175,7 @@ pub fn pass(commands: &mut Commands, frame: &LensFrame, drawn: &wgpu::Buffer) ->
             samples: *samples as u32,
             occupied: depth_words(occupied),
         }),
-        Work::Copy | Work::Disc => None,
+        Work::InFocus | Work::Disc => None,
     };
     let tiles: Vec<Tile> = plan.tiles.iter().filter_map(tile).collect();
     let windows: Vec<[u32; 8]> = padded_bounds::windows(&plan.bounds).par_iter().map(depth_words).collect();

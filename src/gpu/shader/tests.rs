@@ -1,4 +1,5 @@
 use super::Shader;
+use crate::aperture;
 use crate::gpu::commands::GROUP;
 use crate::gpu::{
     by_focus, falloff, gaussian, hexagonal, lens, levels, magnify, poisson, resolve, sprites, taps,
@@ -22,7 +23,7 @@ const SHADERS: [Shader; 33] = [
     gaussian::BLUR_X,
     gaussian::BLUR_Y,
     gaussian::COMPOSITE,
-    lens::COPY,
+    lens::IN_FOCUS,
     lens::layered::CHANNELS,
     lens::colors::REPLACE_COLORS,
     lens::colors::WIDEN,
@@ -120,7 +121,7 @@ fn structures_lie_as_in_rust() {
 }
 
 /// Constants that both shaders and Rust state: a part of the shader's name, the constant, and Rust's value.
-const STATED_TWICE: [(&str, &str, f64); 15] = [
+const STATED_TWICE: [(&str, &str, f64); 16] = [
     ("levels/filter", "GROUP", GROUP as f64),
     ("lens/", "NOWHERE", lens::layered::NOWHERE as f64),
     ("lens/sharpen", "NO_CONNECTIVITY", lens::layered::NO_CONNECTIVITY as f64),
@@ -130,6 +131,7 @@ const STATED_TWICE: [(&str, &str, f64); 15] = [
     ("lens/sweep", "MISSED_NOTHING", Missed::Nothing as u32 as f64),
     ("lens/sweep", "BATCH", lens::sweep::BATCH as f64),
     ("lens/sweep", "ROWS", (lens::sweep::ROWS / lens::frame::GROUP_ROWS) as f64),
+    ("lens/in_focus", "ROUNDING", aperture::ROUNDING as f64),
     ("lens/highlights", "NOT_HIDDEN", lens::highlights::NOT_HIDDEN as f64),
     ("taps", "MIX_BOTH", Mix::Both as u32 as f64),
     ("", "SHIFT", Measure::Shift as u32 as f64),
@@ -144,7 +146,7 @@ const OF_SHADERS: [&str; 9] =
 /// Threads of a shader's workgroups along each axis, as the passes expect them.
 fn threads(shader: &str) -> [u32; 3] {
     let [width, height] = match shader {
-        "lens/copy" | "lens/disc" | "lens/sweep" | "lens/highlights" => [TILE.0, lens::frame::GROUP_ROWS],
+        "lens/in_focus" | "lens/disc" | "lens/sweep" | "lens/highlights" => [TILE.0, lens::frame::GROUP_ROWS],
         "sprites/count" | "sprites/append" | "sprites/offsets" | "sprites/rest" => [sprites::CHUNK, 1],
         "lens/sum_rows" => [256, 1],
         // These are not compute shaders.

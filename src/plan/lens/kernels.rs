@@ -45,7 +45,7 @@ impl<K: Copy + Ord + Sync> Table<K> {
         let keys: Vec<K> = keys.into_iter().collect();
         let kernel = |&key: &K| {
             cancel.check()?;
-            Ok(aperture.kernel(shift(key)))
+            Ok(aperture.transfer_kernel(shift(key)))
         };
         let kernels = keys.par_iter().map(kernel).collect::<Result<_>>()?;
         Ok(Table { keys, kernels })

@@ -3,6 +3,7 @@
 pub(crate) mod disc;
 pub(crate) mod footprint;
 pub(crate) mod highlights;
+pub(crate) mod in_focus;
 pub(crate) mod kernels;
 pub(crate) mod lens_samples;
 pub(crate) mod optical_vignetting;
@@ -17,6 +18,7 @@ use crate::optics::{Imaging, Optics, SecondStop};
 use crate::scene::depth_bounds::DepthBounds;
 use crate::scene::layered::LayeredScene;
 use footprint::Footprint;
+use in_focus::InFocus;
 use lens_samples::LensSample;
 use optical_vignetting::PupilClip;
 use padding::Padding;
@@ -84,6 +86,8 @@ pub struct Plan {
     pub sample_sets: BTreeMap<usize, Vec<LensSample>>,
     /// The size at which cells are drawn.
     pub footprint: Footprint,
+    /// The blur of tiles in focus.
+    pub in_focus: InFocus,
     /// What rays that meet no cell contribute.
     pub missed: Missed,
 }
@@ -109,9 +113,10 @@ impl Plan {
         };
         let tiles = tiles::plan(&inputs, count_samples);
         let sample_sets = sample_sets(&tiles, &settings.aperture);
-        let footprint = Footprint::new(reach_px, |t| lens_samples::spacing_px(t, area, count_samples(t)));
+        let footprint = Footprint::new(reach_px, count_samples, |t, n| lens_samples::spacing_px(t, area, n));
+        let in_focus = InFocus::new(&settings.aperture, s_focus);
         let missed = if scene.opaque { Missed::Unknown } else { Missed::Nothing };
-        Plan { s_focus, reach_px, padding, bounds, tiles, sample_sets, footprint, missed }
+        Plan { s_focus, reach_px, padding, bounds, tiles, sample_sets, footprint, in_focus, missed }
     }
 }
 
@@ -120,7 +125,7 @@ fn sample_sets(tiles: &[Tile], aperture: &Aperture) -> BTreeMap<usize, Vec<LensS
         .iter()
         .filter_map(|tile| match tile.work {
             Work::Sweep { samples, .. } => Some(samples),
-            Work::Copy | Work::Disc => None,
+            Work::InFocus | Work::Disc => None,
         })
         .collect();
     counts.into_iter().map(|n| (n, lens_samples::lens_samples(aperture, n))).collect()

@@ -1,5 +1,6 @@
-//! The work that each tile of the frame needs: a copy, an exact disc, or the full sweep over the lens.
+//! The work that each tile of the frame needs: next to none in focus, an exact disc, or the full sweep over the lens.
 
+use super::in_focus::IN_FOCUS_PX;
 use super::padding::Padding;
 use crate::optics::SecondStop;
 use crate::rows::ITEMS_PER_TASK;
@@ -8,8 +9,6 @@ use crate::scene::depth_codes::DepthCodes;
 use crate::scene::grid::{BLOCK, TILE};
 use rayon::prelude::*;
 
-/// A disc up to this radius lies inside its own pixel.
-pub const IN_FOCUS_PX: f64 = 0.5;
 /// The disc of a pixel on a tilted surface is centred `slope * radius / 4` beside it; a quarter of a pixel is
 /// tolerated.
 const TILT_PX: f64 = 1.0;
@@ -18,7 +17,7 @@ const TILT_PX: f64 = 1.0;
 #[derive(Debug, Clone, PartialEq)]
 pub enum Work {
     /// Everything that can reach the tile is in focus.
-    Copy,
+    InFocus,
     /// One closed surface of nearly constant depth: each pixel is the mean over its own disc.
     Disc,
     /// Visibility is resolved for every lens sample.
@@ -117,7 +116,7 @@ pub fn plan(inputs: &Inputs, count_samples: impl Fn(f64) -> usize + Sync) -> Vec
             steepest = steepest.zip(bounds.smooth[b]).map(|(a, b)| a.max(b));
         }
         let work = if reach <= IN_FOCUS_PX {
-            Work::Copy
+            Work::InFocus
         } else if second_stop.is_none()
             && steepest.is_some_and(|codes_per_px| f64::from(codes_per_px) * codes.step() * reach <= TILT_PX)
         {
