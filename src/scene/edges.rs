@@ -24,6 +24,41 @@ fn connected(before: f32, a: f32, b: f32, after: f32) -> bool {
         || (a - (2.0 * b - after)).abs() < CONTINUES_PX
 }
 
+/// How much neighbours with shifts `a` and `b` are on different surfaces: not at all at the limit up to which they are
+/// [`connected`], and entirely at twice of it.
+fn apart(before: f32, a: f32, b: f32, after: f32) -> f32 {
+    let step = (b - a).abs() / CONNECTED_PX;
+    let forward = (b - (2.0 * a - before)).abs() / CONTINUES_PX;
+    let backward = (a - (2.0 * b - after)).abs() / CONTINUES_PX;
+    (step.min(forward).min(backward) - 1.0).clamp(0.0, 1.0)
+}
+
+/// How much a surface ends in the 3x3 neighbourhood of pixel `(x, y)`: more than 0 where [`EDGE`] is set, and 1 where the
+/// step is twice as large as it need be for that.
+pub fn strength(s: &[f32], width: usize, height: usize, x: usize, y: usize) -> f32 {
+    let columns = x.saturating_sub(1)..=(x + 1).min(width - 1);
+    let rows = y.saturating_sub(1)..=(y + 1).min(height - 1);
+    let at = |x: usize, y: usize| s[y * width + x];
+    let along = |x: usize, y: usize| {
+        apart(at(x.saturating_sub(1), y), at(x, y), at(x + 1, y), at((x + 2).min(width - 1), y))
+    };
+    let across = |x: usize, y: usize| {
+        apart(at(x, y.saturating_sub(1)), at(x, y), at(x, y + 1), at(x, (y + 2).min(height - 1)))
+    };
+    let mut strength = 0.0f32;
+    for y in rows.clone() {
+        for x in columns.clone() {
+            if x < *columns.end() {
+                strength = strength.max(along(x, y));
+            }
+            if y < *rows.end() {
+                strength = strength.max(across(x, y));
+            }
+        }
+    }
+    strength
+}
+
 /// `RIGHT`, `DOWN` and `EDGE` of every pixel.
 pub fn connectivity(s: &[f32], width: usize, height: usize) -> Vec<u8> {
     let mut connectivity = vec![RIGHT | DOWN; s.len()];
@@ -154,6 +189,22 @@ fn carry_on(last: &mut u8, d: &mut u8) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_edge_begins_with_no_strength() {
+        let (w, h) = (12, 5);
+        for (height, expected) in [(0.9, 0.0), (1.0, 0.0), (1.001, 0.001), (1.5, 0.5), (2.0, 1.0), (9.0, 1.0)]
+        {
+            let step: Vec<f32> = (0..w * h).map(|i| if i % w < 6 { 0.0 } else { height }).collect();
+            let connectivity = connectivity(&step, w, h);
+            for (i, l) in connectivity.iter().enumerate() {
+                let beside = (5..7).contains(&(i % w));
+                let found = strength(&step, w, h, i % w, i / w);
+                assert!((found - if beside { expected } else { 0.0 }).abs() < 1e-3, "{height}: {found}");
+                assert!(found == 0.0 || l & EDGE != 0);
+            }
+        }
+    }
 
     #[test]
     fn a_steep_plane_is_one_surface_and_a_step_is_an_edge() {

@@ -7,6 +7,7 @@
 use super::colors::{CellColor, Colors};
 use super::depth_bounds::DepthBounds;
 use super::depth_codes::DepthCodes;
+use super::depth_noise::without_noise;
 use super::depth_spans::{self, DepthSpans};
 use super::edges::{self, CONNECTED_PX, EDGE};
 use super::half_plane::HalfPlane;
@@ -148,7 +149,7 @@ fn from_one_layer(
     simd: Simd,
     cancel: &Cancel,
 ) -> Result<LayeredScene> {
-    let mut s = scaled(&layer.disparity, k);
+    let mut s = without_noise(scaled(&layer.disparity, k), size, simd);
     let connectivity = edges::connectivity(&s, size.width, size.height);
     let colors = Colors::new(size, Arc::clone(&layer.color));
     let frame = FrontLayer { size, lights, color: &layer.color, s: &s, connectivity: &connectivity };
@@ -250,9 +251,12 @@ fn from_layers(
         .map(|layer| {
             cancel.check()?;
             let coverage = &layer.color[alpha * n..];
-            let mut s = scaled(&layer.disparity, k);
-            let connectivity = edges::connectivity(&s, size.width, size.height);
-            s.iter_mut().zip(coverage).filter(|(_, a)| **a <= 0.0).for_each(|(s, _)| *s = f32::NAN);
+            let given = scaled(&layer.disparity, k);
+            let cells = given.iter().zip(coverage).map(|(&s, &a)| if a > 0.0 { s } else { f32::NAN });
+            let s = without_noise(cells.collect(), size, simd);
+            // Where there is no cell, the depth that is given for it tells whether a surface ends.
+            let known = s.iter().zip(&*given).map(|(&s, &given)| if s.is_nan() { given } else { s });
+            let connectivity = edges::connectivity(&known.collect::<Buffer<f32>>(), size.width, size.height);
             let mut color = Buffer::clone(&layer.color);
             color.par_chunks_mut(n).for_each(|plane| {
                 for (c, &a) in plane.iter_mut().zip(coverage) {

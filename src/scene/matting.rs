@@ -4,7 +4,7 @@
 //! A pixel on a silhouette holds `C = a F + (1 - a) B` but one depth only. Unless both are separated, a single disc
 //! carries the mixture; one such pixel on the rim of a bright lamp contaminates its whole neighbourhood.
 
-use super::edges::{CONNECTED_PX, EDGE};
+use super::edges::{self, CONNECTED_PX, EDGE};
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::picture::Size;
@@ -151,6 +151,7 @@ fn unmix_pixel(frame: &FrontLayer, x: usize, y: usize) -> Option<MixedPixel> {
         return None;
     }
 
+    let strength = edges::strength(frame.s, frame.size.width, frame.size.height, x, y);
     let (front, back) = (pure_color(frame, x, y, s_front), pure_color(frame, x, y, s_back));
     let ((front, front_variance), (back, back_variance)) = match (front, back) {
         (Some(front), Some(back)) => (front, back),
@@ -175,21 +176,26 @@ fn unmix_pixel(frame: &FrontLayer, x: usize, y: usize) -> Option<MixedPixel> {
     let pure = pixel.split(front_variance + floor, back_variance + floor);
     let unexplained = frame.norm2(pixel.rest(pure.coverage));
     let contrast = frame.norm2(sub(front, back));
-    let (coverage, front, back) =
-        if unexplained <= UNEXPLAINED * (front_variance + back_variance + contrast + floor) {
-            (pure.coverage, pure.front, pure.back)
-        } else {
-            // The pixel contains something that neither pure colour shows, such as half a lamp. It belongs to the
-            // surface whose pixels in the neighbourhood, mixed ones too, vary the most.
-            let (own_front, own_back) =
-                if frame.s[index] > middle { (SEEN_AT_CENTRE, 1.0) } else { (1.0, SEEN_AT_CENTRE) };
-            let varied = pixel.split(
-                own_front * (spread(frame, x, y, s_front, front) + front_variance + floor),
-                own_back * (spread(frame, x, y, s_back, back) + back_variance + floor),
-            );
-            (varied.coverage, varied.front, varied.back)
+    let limit = UNEXPLAINED * (front_variance + back_variance + contrast + floor);
+    // From the limit on and up to twice of it, one explanation fades into the other.
+    let foreign = (unexplained / limit - 1.0).clamp(0.0, 1.0);
+    let split = if foreign == 0.0 {
+        pure
+    } else {
+        // The pixel contains something that neither pure colour shows, such as half a lamp. It belongs to the surface
+        // whose pixels in the neighbourhood, mixed ones too, vary the most.
+        let (own_front, own_back) =
+            if frame.s[index] > middle { (SEEN_AT_CENTRE, 1.0) } else { (1.0, SEEN_AT_CENTRE) };
+        let varied = |own: f32, s: f32, color: [f32; 4], variance: f32| {
+            let pure = variance + floor;
+            pure + foreign * (own * (spread(frame, x, y, s, color) + pure) - pure)
         };
-    Some(MixedPixel { index, s_front, front, coverage, s_back, back })
+        pixel.split(
+            varied(own_front, s_front, front, front_variance),
+            varied(own_back, s_back, back, back_variance),
+        )
+    };
+    Some(split.begun(index, pixel.color, frame.s[index], (s_front, s_back), strength))
 }
 
 /// How far around a pixel [`spread`] searches, half a block: one lamp on a surface makes others nearby likely.
@@ -223,6 +229,30 @@ struct Split {
     coverage: f32,
     front: [f32; 4],
     back: [f32; 4],
+}
+
+impl Split {
+    /// The pixel of this colour and shift, separated as far as the edge has begun. At an edge without strength, both
+    /// surfaces are the pixel itself.
+    fn begun(
+        &self,
+        index: usize,
+        color: [f32; 4],
+        s: f32,
+        (s_front, s_back): (f32, f32),
+        strength: f32,
+    ) -> MixedPixel {
+        let toward = |v: f32, end: f32| if strength < 1.0 { v + strength * (end - v) } else { end };
+        let colored = |end: [f32; 4]| std::array::from_fn(|c| toward(color[c], end[c]));
+        MixedPixel {
+            index,
+            s_front: toward(s, s_front),
+            front: colored(self.front),
+            coverage: self.coverage,
+            s_back: toward(s, s_back),
+            back: colored(self.back),
+        }
+    }
 }
 
 impl Pixel<'_> {

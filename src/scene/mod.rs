@@ -1,12 +1,14 @@
 //! A picture and the data that are prepared from it once, for any focus and any device.
 //!
-//! In the order of the work: [`edges`] finds depth discontinuities, [`matting`] separates the two surfaces of edge
-//! pixels, [`inpaint`] fills the surfaces that the foreground hides, and [`layered`] holds the result.
-//! [`depth_spans`] and [`depth_bounds`] bound the depths that occur, and [`highlights`] finds the bright cells.
+//! In the order of the work: [`depth_noise`] takes the noise out of the depths, [`edges`] finds depth discontinuities,
+//! [`matting`] separates the two surfaces of edge pixels, [`inpaint`] fills the surfaces that the foreground hides, and
+//! [`layered`] holds the result. [`depth_spans`] and [`depth_bounds`] bound the depths that occur, and [`highlights`]
+//! finds the bright cells.
 
 pub(crate) mod colors;
 pub(crate) mod depth_bounds;
 pub(crate) mod depth_codes;
+mod depth_noise;
 pub(crate) mod depth_spans;
 pub(crate) mod edges;
 pub(crate) mod grid;

@@ -1,0 +1,195 @@
+//! The noise of depths: how large it is, and the depths without it.
+//!
+//! Depth from a sensor or a network scatters around the surface. Taken at its word, each pixel would be a surface of
+//! its own that hides its neighbours. A surface is nearly a plane between neighbouring pixels, and the disparity of a
+//! plane is linear over the picture. So the mean of two opposite neighbours is the pixel's own disparity, and what
+//! remains is noise.
+
+use crate::memory::Buffer;
+use crate::picture::Size;
+use crate::rows::ITEMS_PER_TASK;
+use crate::simd::Simd;
+use rayon::prelude::*;
+
+/// The share of the second differences that is taken for noise alone. The others may be edges and curvature.
+const QUIET_SHARE: f64 = 0.2;
+/// This share of normally distributed values is smaller in magnitude than so many deviations.
+const QUIET_DEVIATIONS: f32 = 0.253_35;
+/// The deviation of `a - 2 b + c`, in units of that of each: the root of `1 + 4 + 1`.
+const SECOND_DIFFERENCE: f32 = 2.449_49;
+/// So many second differences tell their quantile to one percent.
+const ENOUGH: usize = 1 << 17;
+/// Noise below this moves nothing by a visible amount: the depths stay as they are.
+const NEGLIGIBLE_PX: f32 = 1e-3;
+/// A pixel and the mean of two opposite neighbours differ by `sqrt(3 / 2)` deviations of the noise. At six to
+/// seven times as much, they are on different surfaces.
+const OTHER_SURFACE: f32 = 8.0;
+/// Distance in pixels to the farthest neighbours.
+const REACH: usize = 3;
+
+/// The deviation of the noise of the shifts `s` in pixels; 0 if they have none. Cells without a shift are NaN.
+fn deviation(s: &[f32], size: Size) -> f32 {
+    let (width, height) = (size.width, size.height);
+    let step = (2 * size.pixels() / ENOUGH).max(1);
+    let differences = |y: usize| {
+        let row = &s[y * width..][..width];
+        let along = row.windows(3).map(|s| s[0] - 2.0 * s[1] + s[2]);
+        let across = (y > 0 && y + 1 < height).then(|| {
+            let beside = |y: usize| &s[y * width..][..width];
+            let around = beside(y - 1).iter().zip(row).zip(beside(y + 1));
+            around.map(|((above, own), below)| above - 2.0 * own + below)
+        });
+        along.chain(across.into_iter().flatten()).map(f32::abs).filter(|d| !d.is_nan())
+    };
+    let rows: Vec<usize> = (0..height).step_by(step).collect();
+    let mut all: Vec<f32> = rows.into_par_iter().flat_map_iter(differences).collect();
+    if all.is_empty() {
+        return 0.0;
+    }
+    let at = (QUIET_SHARE * all.len() as f64) as usize;
+    *all.select_nth_unstable_by(at, f32::total_cmp).1 / (QUIET_DEVIATIONS * SECOND_DIFFERENCE)
+}
+
+/// Half of the neighbours within [`REACH`], as columns, rows and weights. Each stands for the opposite one too. The
+/// weights fall linearly along both axes.
+fn neighbours() -> impl Iterator<Item = (isize, usize, f32)> {
+    let reach = REACH as isize;
+    let half = (0..=reach).flat_map(move |dy| (-reach..=reach).map(move |dx| (dx, dy)));
+    let share = move |d: isize| 1.0 - d.abs() as f32 / (reach + 1) as f32;
+    half.filter(|&(dx, dy)| dy > 0 || dx > 0)
+        .map(move |(dx, dy)| (dx, dy as usize, 2.0 * share(dx) * share(dy)))
+}
+
+/// The rows around one row, with [`REACH`] cells more on every side, which have no shift.
+struct Around {
+    rows: [Vec<f32>; 2 * REACH + 1],
+    sum: Vec<f32>,
+    weight: Vec<f32>,
+}
+
+impl Around {
+    fn new(width: usize) -> Around {
+        let row = || vec![f32::NAN; width + 2 * REACH];
+        Around { rows: std::array::from_fn(|_| row()), sum: vec![0.0; width], weight: vec![0.0; width] }
+    }
+
+    fn read(&mut self, s: &[f32], size: Size, y: usize) {
+        for (i, row) in self.rows.iter_mut().enumerate() {
+            let row = &mut row[REACH..][..size.width];
+            match (y + i).checked_sub(REACH).filter(|y| *y < size.height) {
+                Some(y) => row.copy_from_slice(&s[y * size.width..][..size.width]),
+                None => row.fill(f32::NAN),
+            }
+        }
+    }
+
+    /// Writes the row without noise of this deviation.
+    #[inline(always)]
+    fn smooth(&mut self, deviation: f32, out: &mut [f32]) {
+        let n = out.len();
+        let Around { rows, sum, weight } = self;
+        let (sum, weight) = (&mut sum[..n], &mut weight[..n]);
+        sum.fill(0.0);
+        weight.fill(1.0);
+        let own = &rows[REACH][REACH..][..n];
+        let per_px2 = (OTHER_SURFACE * deviation).powi(-2);
+        for (dx, dy, share) in neighbours() {
+            let one = &rows[REACH + dy][REACH.wrapping_add_signed(dx)..][..n];
+            let opposite = &rows[REACH - dy][REACH.wrapping_add_signed(-dx)..][..n];
+            for x in 0..n {
+                let off = 0.5 * (one[x] + opposite[x]) - own[x];
+                // Falls smoothly to nothing where the pair is of another surface.
+                let same = 1.0 - off * off * per_px2;
+                let (same, off) = if same > 0.0 { (same, off) } else { (0.0, 0.0) };
+                let share = share * same * same;
+                sum[x] += share * off;
+                weight[x] += share;
+            }
+        }
+        for x in 0..n {
+            out[x] = own[x] + sum[x] / weight[x];
+        }
+    }
+}
+
+/// The shifts without their noise. Depth without noise comes back as it is. Cells without a shift are NaN, and stay it.
+pub fn without_noise(s: Buffer<f32>, size: Size, simd: Simd) -> Buffer<f32> {
+    let deviation = deviation(&s, size);
+    if deviation < NEGLIGIBLE_PX {
+        return s;
+    }
+    let mut smooth = Buffer::unset(s.len());
+    let rows = smooth.par_chunks_mut(size.width).enumerate().with_min_len(ITEMS_PER_TASK);
+    rows.for_each_init(
+        || Around::new(size.width),
+        |around, (y, out)| {
+            around.read(&s, size, y);
+            simd.run(
+                #[inline(always)]
+                || around.smooth(deviation, out),
+            );
+        },
+    );
+    smooth
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: Size = Size { width: 96, height: 64, channels: 3 };
+
+    /// Two planes, one before the other.
+    fn planes() -> Buffer<f32> {
+        let at = |i: usize| {
+            let (x, y) = ((i % SIZE.width) as f32, (i / SIZE.width) as f32);
+            if x < 40.0 { 12.0 - 0.25 * y } else { 0.5 * x - 0.125 * y - 60.0 }
+        };
+        (0..SIZE.pixels()).map(at).collect()
+    }
+
+    fn with_noise(s: &[f32], deviation: f32) -> Buffer<f32> {
+        // Knuth's linear congruential generator.
+        let mut state = 7u64;
+        let mut uniform = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 40) as f32 / (1u64 << 24) as f32
+        };
+        // The sum of twelve uniform values has a variance of one.
+        let mut normal = || (0..12).map(|_| uniform()).sum::<f32>() - 6.0;
+        s.iter().map(|s| s + deviation * normal()).collect()
+    }
+
+    #[test]
+    fn planes_without_noise_come_back_bit_for_bit() {
+        assert_eq!(deviation(&planes(), SIZE), 0.0);
+        assert_eq!(without_noise(planes(), SIZE, Simd::PORTABLE), planes());
+    }
+
+    #[test]
+    fn the_deviation_is_found_and_little_of_it_is_left() {
+        for expected in [0.05, 0.4] {
+            let noisy = with_noise(&planes(), expected);
+            assert!((deviation(&noisy, SIZE) / expected - 1.0).abs() < 0.05);
+            let smooth = without_noise(noisy, SIZE, Simd::PORTABLE);
+            let errors =
+                smooth.iter().zip(&*planes()).map(|(s, exact)| (s - exact).powi(2)).collect::<Vec<_>>();
+            let rms = (errors.iter().sum::<f32>() / errors.len() as f32).sqrt();
+            // Beside the step and at the border, fewer pixels are averaged.
+            assert!(rms < 0.36 * expected, "{rms} of {expected}");
+        }
+    }
+
+    #[test]
+    fn a_pixel_without_a_shift_stays_one_and_touches_no_other() {
+        let mut noisy = with_noise(&planes(), 0.1);
+        let all = without_noise(noisy.clone(), SIZE, Simd::PORTABLE);
+        let hole = 30 * SIZE.width + 60;
+        noisy[hole] = f32::NAN;
+        let smooth = without_noise(noisy, SIZE, Simd::PORTABLE);
+        for (i, (s, all)) in smooth.iter().zip(&*all).enumerate() {
+            assert_eq!(s.is_nan(), i == hole);
+            assert!(i == hole || (s - all).abs() < 0.1);
+        }
+    }
+}
