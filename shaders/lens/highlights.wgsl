@@ -83,25 +83,12 @@ fn weight_at(kernel: Kernel, d: vec2<i32>) -> f32 {
     return 0.0;
 }
 
-// Whether another layer has a cell at the highlight's own pixel, in front of it by no more than `within` pixels.
-fn is_covered(highlight: Highlight, within: f32) -> bool {
-    let pixel = index_in(params.size, highlight.place.x, highlight.place.y);
-    let own = highlight.codes & 0xffffu;
-    for (var layer = 0u; layer < params.layers; layer++) {
-        let lo = farthest(codes[layer * params.size.x * params.size.y + pixel]);
-        if layer != highlight.farthest_and_layer >> 16u && lo > own && f32(lo - own) * params.step <= within {
-            return true;
-        }
-    }
-    return false;
-}
-
-// The part of a highlight's light that a cell of its own layer lets through, `distance` pixels away.
-fn same_surface(highlight: Highlight, lo: u32, distance: f32) -> f32 {
+// How much a cell of a span of depth, so many pixels away, is of the highlight's surface.
+fn is_same_surface(highlight: Highlight, span: vec2<u32>, distance: f32) -> f32 {
     let nearest_own = highlight.codes >> 16u;
-    let own_span = f32(nearest_own - (highlight.farthest_and_layer & 0xffffu)) * params.step;
-    let gap = f32(max(lo, nearest_own) - nearest_own) * params.step;
-    let beyond = gap - own_span * distance;
+    let farthest_own = highlight.farthest_and_layer & 0xffffu;
+    let gap = max(max(span.x, nearest_own) - nearest_own, farthest_own - min(span.y, farthest_own));
+    let beyond = f32(gap) * params.step - f32(nearest_own - farthest_own) * params.step * distance;
     return clamp((params.other_surface_px - beyond) / (params.other_surface_px - params.same_surface_px), 0.0, 1.0);
 }
 
@@ -129,73 +116,125 @@ fn covered(cell: u32, at: vec2<i32>, offset: vec2<f32>) -> f32 {
     return area_below(normal, bitcast<f32>(half_planes[words + 2u]) - (normal.x * offset.x + normal.y * offset.y));
 }
 
-// A lower bound on the number of steps after which a ray from a padded cell leaves its block.
+// The number of steps for which a beam and the cells beside it certainly stay in the block of a padded cell; 0 if they
+// may lie in two.
 fn steps_inside(cell: vec2<i32>, slope: vec2<f32>) -> i32 {
-    var steps = 1e9;
+    var steps = f32(params.block);
     for (var i = 0; i < 2; i++) {
         let inside = cell[i] % params.block;
-        let to_border = select(inside + 1, params.block - inside, slope[i] > 0.0);
+        let last = params.block - 1;
+        if inside < 1 || inside >= last {
+            return 0;
+        }
+        // One cell beside, and one that rounding may gain.
+        let to_border = select(inside - 1, last - 1 - inside, slope[i] > 0.0);
         if slope[i] != 0.0 {
-            steps = min(steps, f32(to_border - 1) / abs(slope[i]));
+            steps = min(steps, f32(to_border) / abs(slope[i]));
         }
     }
-    return max(i32(steps), 1);
+    return i32(steps);
+}
+
+// A beam on its way from a highlight to the lens, one cell at a time along the longer axis of the lens point.
+struct Path {
+    // The code of the highlight's depth.
+    code: f32,
+    code_per_step: f32,
+    // Cells per step along each axis, and the next cell along the shorter one.
+    slope: vec2<f32>,
+    aside: vec2<i32>,
+    steps: i32,
+}
+
+fn path_from(highlight: Highlight, l: vec2<f32>) -> Path {
+    // A beam through the middle of the lens stays at its pixel. As a very long step, that needs no case of its own.
+    let longest = max(max(abs(l.x), abs(l.y)), 1e-9);
+    return Path(
+        f32(highlight.codes & 0xffffu),
+        1.0 / (longest * params.step),
+        l / longest,
+        select(vec2(0, 1), vec2(1, 0), abs(l.y) > abs(l.x)),
+        i32(ceil((params.reach_px - highlight.t) * longest)),
+    );
+}
+
+// The least and the greatest code at which a beam is less than a step away from step `k`.
+fn codes_at(path: Path, k: i32) -> vec2<u32> {
+    let from_code = max(path.code + f32(k - 1) * path.code_per_step, path.code);
+    let to_code = min(path.code + f32(k + 1) * path.code_per_step, 65535.0);
+    return vec2(u32(min(from_code, 65535.0)), u32(to_code));
+}
+
+// Whether a cell of a layer is behind the highlight. Of two cells of one pixel, the one in the earlier layer is in front
+// where their depths meet.
+fn is_behind(highlight: Highlight, moved: vec2<i32>, layer: u32, span: vec2<u32>) -> bool {
+    let code = highlight.codes & 0xffffu;
+    let own_layer = highlight.farthest_and_layer >> 16u;
+    if any(moved != vec2(0)) || layer < own_layer {
+        return span.y < code;
+    }
+    return layer == own_layer || span.x <= code;
+}
+
+// The fraction of the beam that the cells of a pixel hide, which it passes at step `k`, so many cells away.
+fn hidden_by(highlight: Highlight, path: Path, moved: vec2<i32>, k: i32) -> f32 {
+    let at = highlight.place + moved;
+    let pixel = index_in(params.size, at.x, at.y);
+    let near = codes_at(path, k);
+    var hidden = 0.0;
+    for (var layer = 0u; layer < params.layers; layer++) {
+        let cell = layer * params.size.x * params.size.y + pixel;
+        let span = vec2(farthest(codes[cell]), nearest(codes[cell]));
+        if span.y < near.x || span.x > near.y || is_behind(highlight, moved, layer, span) {
+            continue;
+        }
+        let middle = path.code + f32(k) * path.code_per_step;
+        let code = min(max(middle, max(f32(span.x), path.code)), f32(span.y));
+        let offset = (code - path.code) / path.code_per_step * path.slope - vec2<f32>(moved);
+        let shares = max(vec2(1.0) - abs(offset), vec2<f32>());
+        if shares.x * shares.y > 0.0 {
+            var let_through = 0.0;
+            if any(moved != vec2(0)) {
+                let_through = is_same_surface(highlight, vec2(span.x, 65535u), f32(k));
+                let own_layer = highlight.farthest_and_layer >> 16u;
+                if layer != own_layer {
+                    // The cluster's surface goes on in another layer where its own layer has another surface.
+                    let own = codes[own_layer * params.size.x * params.size.y + pixel];
+                    let_through *= 1.0 - is_same_surface(highlight, vec2(farthest(own), nearest(own)), f32(k));
+                }
+            }
+            hidden += shares.x * shares.y * covered(cell, at, offset) * (1.0 - let_through);
+        }
+    }
+    return hidden;
 }
 
 // The fraction of a pixel's rays near lens point `l` that meet nothing before they meet the highlight.
 fn visible_from(highlight: Highlight, l: vec2<f32>) -> f32 {
-    let longest = max(abs(l.x), abs(l.y));
-    if longest == 0.0 {
-        return select(1.0, 0.0, is_covered(highlight, 1e30));
-    }
-    if is_covered(highlight, 0.5 / longest) {
-        return 0.0;
-    }
-    let code_per_step = 1.0 / (longest * params.step);
-    let start = f32(highlight.codes & 0xffffu);
-    // Steps outwards from the highlight, one cell at a time along the longer axis.
-    let slope = l / longest;
-    let steps = i32(ceil((params.reach_px - highlight.t) * longest));
-    // A straight edge may be met in more than one cell, but must hide its part of the beam only once.
+    let path = path_from(highlight, l);
     var visible = 1.0;
-    var k = 1;
-    while k <= steps {
-        let along = f32(k) * slope;
-        let moved = vec2(rounded(along.x), rounded(along.y));
-        let at = highlight.place + vec2<i32>(moved);
-        let padded = at + params.pad;
-        if any(padded < vec2(0)) || any(padded >= vec2<i32>(params.padded)) {
+    var k = 0;
+    while k <= path.steps && visible > 0.0 {
+        let along = f32(k) * path.slope;
+        let moved = vec2<i32>(vec2(rounded(along.x), rounded(along.y)));
+        let padded = highlight.place + moved + params.pad;
+        if any(padded < vec2(1)) || any(padded >= vec2<i32>(params.padded) - 1) {
             break;
         }
-        let from_code = u32(min(start + (f32(k) - 0.5) * code_per_step, 65535.0));
-        let to_code = u32(min(start + (f32(k) + 0.5) * code_per_step, 65535.0));
+        let inside = steps_inside(padded, path.slope);
         let block = padded / params.block;
-        if block_nearest[u32(block.y) * (params.padded.x / u32(params.block)) + u32(block.x)] < from_code {
-            // No cell in this block is near enough, and the ray only comes nearer to the camera.
-            k += steps_inside(padded, slope);
+        let nearest_there = block_nearest[u32(block.y) * (params.padded.x / u32(params.block)) + u32(block.x)];
+        if inside > 0 && nearest_there < codes_at(path, k).x {
+            // No cell in this block is near enough, and the beam only comes nearer to the camera.
+            k += inside;
             continue;
         }
-        let pixel = index_in(params.size, at.x, at.y);
-        for (var layer = 0u; layer < params.layers; layer++) {
-            let cell = layer * params.size.x * params.size.y + pixel;
-            let lo = farthest(codes[cell]);
-            if nearest(codes[cell]) >= from_code && lo < to_code {
-                // The position of the ray in this cell, relative to the cell's centre; the ray passes through the
-                // highlight.
-                let t_cell = params.s_min + (f32(lo) - 1.0) * params.step - params.s_focus - highlight.t;
-                var hides = 1.0;
-                if layer == highlight.farthest_and_layer >> 16u {
-                    hides -= same_surface(highlight, lo, f32(k));
-                }
-                visible = min(visible, 1.0 - covered(cell, at, l * t_cell - moved) * hides);
-            }
-        }
-        if visible == 0.0 {
-            break;
+        for (var beside = -1; beside <= 1; beside++) {
+            visible -= hidden_by(highlight, path, moved + beside * path.aside, k);
         }
         k++;
     }
-    return visible;
+    return max(visible, 0.0);
 }
 
 // The part of a cluster's light that is visible at a pixel.
@@ -226,7 +265,7 @@ fn light_at(at: vec2<i32>, tile: Tile) -> vec4<f32> {
             middle = highlight.middle;
         }
         let d = highlight.place - at;
-        if max(abs(d.x), abs(d.y)) > i32(ceil(abs(highlight.t))) + 1 {
+        if max(abs(d.x), abs(d.y)) > i32(ceil(abs(highlight.t))) + 2 {
             continue;
         }
         let nearer = weight_at(kernel_at(highlight.kernels.x), d);

@@ -7,7 +7,8 @@
 //! Beyond the border of the frame, the mirror image stands in for the surroundings. It has no highlights.
 
 use super::disc;
-use super::tiles::{IN_FOCUS_PX, Work};
+use super::in_focus::IN_FOCUS_PX;
+use super::tiles::Work;
 use super::{Plan, padding::Padding};
 use crate::scene::colors::CellColor;
 use crate::scene::depth_codes::DepthCodes;
@@ -19,8 +20,8 @@ use crate::simd::Simd;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Up to this gap between two depth spans of a layer, in pixels of shift, the spans belong to one surface, which does
-/// not hide its own light.
+/// Up to this gap between two depth spans, in pixels of shift, the spans belong to one surface, which does not hide its
+/// own light.
 pub const SAME_SURFACE_PX: f32 = CONNECTED_PX;
 /// From this gap on, they belong to two.
 pub const OTHER_SURFACE_PX: f32 = 2.0 * CONNECTED_PX;
@@ -30,7 +31,7 @@ const SWEPT_PX: f64 = 0.5 * IN_FOCUS_PX;
 /// The side of a cluster, as a fraction of the radius of its discs. What is blurred so much shows nothing finer.
 const SIDE: f64 = 1.0 / 16.0;
 
-/// The part of a highlight's light that a cell of the same layer lets through, which is in front of it by this gap
+/// The part of a highlight's light that a cell lets through, which is in front of it by this gap
 /// between their depth spans and this distance away. It is all of it if both are on one surface, which goes on as
 /// steeply as at the highlight: it rises by the highlight's own span from pixel to pixel.
 #[inline(always)]
@@ -73,7 +74,7 @@ impl Highlight {
 
     /// No pixel of the disc is farther from the highlight's own than this, along either axis.
     pub fn reach(&self) -> i32 {
-        self.t.abs().ceil() as i32 + 1
+        self.t.abs().ceil() as i32 + 2
     }
 
     /// The shift by which pixels are told which lens point they see it from: at least the half of a pixel, as which a
@@ -125,9 +126,9 @@ pub struct Highlights {
 }
 
 impl Highlights {
-    /// The highlights of a scene, unless all tiles are copies, which show them as they are.
+    /// The highlights of a scene, unless all tiles are in focus, which show them as they are.
     pub fn new(scene: &LayeredScene, plan: &Plan, simd: Simd) -> Highlights {
-        if plan.tiles.iter().all(|tile| tile.work == Work::Copy) {
+        if plan.tiles.iter().all(|tile| tile.work == Work::InFocus) {
             return Highlights::default();
         }
         let width = scene.size.width;
@@ -168,7 +169,7 @@ impl Highlights {
             let columns = range(|h| h.x, TILE.0, across);
             for ty in range(|h| h.y, TILE.1, down) {
                 for tile in columns.clone().map(|tx| ty * across + tx) {
-                    if plan.tiles[tile].work != Work::Copy {
+                    if plan.tiles[tile].work != Work::InFocus {
                         self.by_tile[tile].push(i as u32);
                     }
                 }
@@ -214,7 +215,8 @@ fn cluster(members: &[Highlight], first: usize, scene: &LayeredScene, plan: &Pla
 fn may_be_hidden(h: &Highlight, span: [u16; 2], scene: &LayeredScene, plan: &Plan) -> bool {
     let codes: &DepthCodes = &scene.codes;
     let cell = h.y as usize * scene.size.width + h.x as usize;
-    if (0..scene.layers.len()).any(|other| other != h.layer && scene.depths[other].lo[cell] > span[1]) {
+    // A cell of another layer at the same pixel may be in front as soon as it is not entirely behind.
+    if (0..scene.layers.len()).any(|other| other != h.layer && scene.depths[other].hi[cell] >= span[0]) {
         return true;
     }
     let (x, y) = (h.x + plan.padding.pad as i32, h.y + plan.padding.pad as i32);
