@@ -181,7 +181,7 @@ def test_error_map_names_its_choices(picture):
 @pytest.mark.parametrize(("metric", "module"), [(ssim, "skimage.metrics"), (flip, "flip_evaluator")])
 def test_missing_package_names_the_extra(metric, module, monkeypatch, picture):
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(ImportError, match=r"pip install dofsim\[metrics\]"):
+    with pytest.raises(ImportError, match=r"pip install '\.\[metrics\]'"):
         metric(picture, picture)
 
 

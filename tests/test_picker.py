@@ -226,7 +226,7 @@ def test_bad_values_are_named(scene, change, words):
 def test_without_anywidget_the_error_says_what_to_install():
     code = "import sys; sys.modules['anywidget'] = None; import dofsim; dofsim.FocusPicker"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert "pip install dofsim[notebook]" in result.stderr
+    assert "pip install '.[notebook]'" in result.stderr
     with pytest.raises(AttributeError, match="Picker"):
         _ = dofsim.Picker
 

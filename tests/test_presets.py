@@ -165,7 +165,7 @@ def test_damaged_hdf5(folder, monkeypatch):
 def test_hdf5_names_the_package_it_needs(folder, monkeypatch, capsys):
     write_hdf5("a.hdf5", METRES)
     monkeypatch.setitem(sys.modules, "h5py", None)
-    with pytest.raises(ImportError, match=r"pip install dofsim\[hdf5\]"):
+    with pytest.raises(ImportError, match=r"pip install '\.\[hdf5\]' in a clone of dofsim"):
         io.read_depth("a.hdf5")
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _dofsim
+from ._extras import missing
 from ._files import StrPath, check_regular, open_regular
 from ._names import listed
 
@@ -84,7 +85,7 @@ def read_hdf5(path: StrPath, name: str | None) -> NDArray[Any]:
     try:
         import h5py  # type: ignore[import-untyped, unused-ignore]
     except ImportError as error:
-        raise ImportError("reading HDF5 needs h5py: pip install dofsim[hdf5]") from error
+        raise ImportError(missing("reading HDF5 needs", "h5py", "hdf5")) from error
     try:
         check_regular(path)
         with h5py.File(path, "r") as file:

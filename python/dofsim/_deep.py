@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ._datasets import first_bytes
 from ._deep_header import check_claims
+from ._extras import missing
 from ._files import StrPath
 
 Samples = dict[str, NDArray[np.float32]]
@@ -85,7 +86,7 @@ def read_deep(
     try:
         import OpenEXR  # type: ignore[import-not-found, unused-ignore]
     except ImportError as error:
-        raise ImportError("reading deep OpenEXR files needs OpenEXR: pip install dofsim[deep]") from error
+        raise ImportError(missing("reading deep OpenEXR files needs", "OpenEXR", "deep")) from error
     check_claims(path)
     try:
         with OpenEXR.File(str(path), separate_channels=True) as file:

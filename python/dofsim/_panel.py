@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ._extras import missing
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -72,7 +74,7 @@ def draw(tiles: Sequence[Tile], *, columns: int = 2) -> bytes:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise ImportError("drawing needs matplotlib: pip install dofsim[metrics]") from error
+        raise ImportError(missing("drawing needs", "matplotlib", "metrics")) from error
     height, width = tiles[0].pixels.shape[:2]
     zoom = math.ceil(_NARROW / width)
     height, width = zoom * height, zoom * width

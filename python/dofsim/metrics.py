@@ -5,7 +5,7 @@ to [0, 1]. Clipping keeps a highlight of any radiance from outweighing the rest 
 weighs dark and light errors roughly as the eye does.
 
 `psnr` needs NumPy alone. `ssim` needs scikit-image and `flip` NVIDIA's ``flip-evaluator``; both come with
-``pip install dofsim[metrics]`` and are imported on first use.
+the extra ``metrics`` and are imported on first use.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from ._extras import missing
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -142,7 +144,7 @@ def ssim(a: ArrayLike, b: ArrayLike, *, border: int = 0, mask: ArrayLike | None 
     try:
         from skimage.metrics import structural_similarity
     except ImportError as error:
-        raise ImportError("SSIM needs scikit-image: pip install dofsim[metrics]") from error
+        raise ImportError(missing("SSIM needs", "scikit-image", "metrics")) from error
     local: NDArray[np.float64] = structural_similarity(  # type: ignore[no-untyped-call, unused-ignore]
         code_a,
         code_b,
@@ -289,7 +291,7 @@ def _near_depth_edge(radius: NDArray[np.float64]) -> NDArray[np.bool_]:
     try:
         from scipy.ndimage import distance_transform_edt
     except ImportError as error:
-        raise ImportError("regions need SciPy: pip install dofsim[metrics]") from error
+        raise ImportError(missing("regions need", "SciPy", "metrics")) from error
     # The larger blur of the two sides, at the pixels of either side of an edge; 0 elsewhere.
     edge = np.zeros(radius.shape)
     for axis in (0, 1):
@@ -340,7 +342,7 @@ def _flip_per_pixel(code_a: NDArray[np.float64], code_b: NDArray[np.float64]) ->
     try:
         import flip_evaluator  # type: ignore[import-untyped, unused-ignore]
     except ImportError as error:
-        raise ImportError("FLIP needs flip-evaluator: pip install dofsim[metrics]") from error
+        raise ImportError(missing("FLIP needs", "flip-evaluator", "metrics")) from error
     rgb_shape = (*code_a.shape[:2], 3)
     local: NDArray[np.float32] = flip_evaluator.evaluate(
         np.ascontiguousarray(np.broadcast_to(code_a, rgb_shape), dtype=np.float32),

@@ -1,4 +1,4 @@
-"""Plots of lenses, openings and pictures, drawn with matplotlib (``pip install dofsim[plot]``).
+"""Plots of lenses, openings and pictures, drawn with matplotlib (the extra ``plot``).
 
 Every function returns a figure, which a notebook shows and ``figure.savefig("name.png")`` writes. The
 figures are outside matplotlib's list of open ones: nothing has to be closed. Where there is an argument
@@ -22,6 +22,7 @@ from ._blur import Blur, in_focus, metres
 from ._dofsim import Aperture, Lens
 from ._dofsim import coc as radius_of
 from ._drawing import NEAR_COLOR, SHARP_RADIUS_PX, Curve
+from ._extras import missing
 
 try:
     from matplotlib.axes import Axes
@@ -29,7 +30,7 @@ try:
     from matplotlib.figure import Figure
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 except ImportError as error:
-    raise ImportError("plots need matplotlib: pip install dofsim[plot]") from error
+    raise ImportError(missing("plots need", "matplotlib", "plot")) from error
 
 if TYPE_CHECKING:
     from matplotlib.image import AxesImage

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, ParamSpec, TypeVar
 
+from dofsim._extras import missing
+
 P = ParamSpec("P")
 T = TypeVar("T")
 
@@ -124,7 +126,7 @@ def dask_cluster(address: str, workers: int) -> Iterator[Workers]:
     try:
         distributed: Any = import_module("distributed")
     except ImportError as error:
-        raise ImportError("--dask needs distributed: pip install dofsim[dask]") from error
+        raise ImportError(missing("--dask needs", "distributed", "dask")) from error
     with ExitStack() as stack:
         if address == "local":
             local = distributed.LocalCluster(

@@ -1,4 +1,4 @@
-"""Focus by a click: a widget for Jupyter (``pip install dofsim[notebook]``).
+"""Focus by a click: a widget for Jupyter (the extra ``notebook``).
 
 The browser keeps what is asked for, in one numbered request; the kernel answers with one numbered frame.
 ipywidgets sends the next request when the kernel has dealt with the last one, and the newest replaces those
@@ -6,10 +6,12 @@ that wait; so frames that nobody needs any more are never made. While something 
 of a reduced picture; when it is let go, of the whole one.
 """
 
+from dofsim._extras import missing as _missing
+
 try:
     import anywidget as _anywidget  # noqa: F401
 except ImportError as error:
-    raise ImportError("FocusPicker needs anywidget: pip install dofsim[notebook]") from error
+    raise ImportError(_missing("FocusPicker needs", "anywidget", "notebook")) from error
 
 from ._widget import FocusPicker
 
