@@ -96,12 +96,56 @@ def test_types_are_kept(sample, dtype):
     assert not torch.equal(out, image)
 
 
-def test_batches_go_through_one_lens(sample):
-    images = tv_tensors.Image(torch.stack([sample["image"], sample["image"].flip(-1)]))
-    depths = Depth(torch.stack([sample["depth"], sample["depth"].flip(-1)]))
-    out = blur(max_coc_px=(4.0, 4.0), depth_to="coc")({"image": images, "depth": depths})
+@pytest.mark.parametrize("channel", [(), (1,)])
+def test_each_picture_of_a_batch_has_a_lens_of_its_own(sample, channel):
+    images = tv_tensors.Image(torch.stack([sample["image"]] * 4))
+    depths = Depth(torch.stack([sample["depth"]] * 4).reshape(4, *channel, 24, 32))
+    transform = blur(max_coc_px=(2.0, 9.0), depth_to="coc", lens_to="lens")
+    out = transform({"image": images, "depth": depths})
     assert out["image"].shape == images.shape
-    assert torch.equal(out["depth"][0], out["depth"][1].flip(-1))
+    assert out["depth"].shape == depths.shape
+    focus, radius = out["lens"]["focus_distance"], out["lens"]["aperture_radius"]
+    assert focus.shape == radius.shape == (4,)
+    assert len(set(focus.tolist())) > 1
+    for index in range(4):
+        lens = LENS.replace(focus_distance=float(focus[index]), aperture_radius=float(radius[index]))
+        expected = dofsim.coc(sample["depth"].numpy(), lens)
+        np.testing.assert_array_equal(out["depth"][index].numpy().reshape(24, 32), expected)
+        picture = dofsim.render(sample["image"].numpy().transpose(1, 2, 0), sample["depth"].numpy(), lens)
+        np.testing.assert_array_equal(out["image"][index].numpy().transpose(1, 2, 0), picture)
+
+
+def test_the_lens_that_was_drawn_is_in_the_sample(sample):
+    transform = blur(lens_to="lens", depth_to="coc")
+    out = transform(sample)
+    assert set(out) == {*sample, "lens"}
+    lens = LENS.replace(**out["lens"])
+    np.testing.assert_array_equal(out["depth"].numpy(), dofsim.coc(sample["depth"].numpy(), lens))
+    # What a data loader makes of several.
+    both = torch.utils.data.default_collate([transform(sample), transform(sample)])
+    assert both["lens"]["focus_distance"].shape == (2,)
+    with pytest.raises(TypeError, match="must be a dictionary"):
+        transform((sample["image"], sample["depth"]))
+
+
+def test_depth_may_have_a_channel(sample):
+    torch.manual_seed(5)
+    expected = blur()(sample)["image"]
+    torch.manual_seed(5)
+    assert torch.equal(blur()({**sample, "depth": Depth(sample["depth"][None])})["image"], expected)
+
+
+def test_gradients_are_warned_of(sample):
+    image = tv_tensors.Image(sample["image"].as_subclass(torch.Tensor), requires_grad=True)
+    with pytest.warns(UserWarning, match="passes no gradients"):
+        blur()({**sample, "image": image})
+
+
+def test_transforms_and_data_sets_show_their_arguments():
+    transform = blur(depth_kind="distance", method="poisson")
+    text = repr(DepthOfField([], transform, seed=3))
+    for part in (repr(LENS), "max_coc_px=(2.0, 8.0)", "depth_kind='distance'", "method='poisson'", "seed=3"):
+        assert part in text
 
 
 def test_tensors_are_not_copied(sample, monkeypatch):

@@ -1,10 +1,11 @@
 """Depth of field in PyTorch: a transform of torchvision's v2 interface, and a data set of such pictures.
 
-Needs ``pip install dofsim[torch]``. Tensors on the CPU are handed over without a copy.
+Needs PyTorch and torchvision, the extra ``torch``. Tensors on the CPU are handed over without a copy.
 """
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -34,12 +35,18 @@ class Depth(tv_tensors.Mask):
     """
 
 
+class _PlaceOfLens:
+    """Stands in a sample where the lens that is drawn will be."""
+
+
 class RandomDepthOfField(v2.Transform):
     """See a picture through a lens of random opening, focused on a random pixel.
 
     Samples have any structure that torchvision's transforms take, with one `Depth` and one picture of its
-    size: a `torchvision.tv_tensors.Image`, or else the first plain tensor, of shape (..., C, H, W). All else
-    is passed on. Pictures of uint8 are taken for sRGB, floats for linear light. Random numbers are PyTorch's.
+    size: a `torchvision.tv_tensors.Image`, or else the first plain tensor, of shape (..., C, H, W). The depth
+    has shape (..., H, W) or (..., 1, H, W). All else is passed on. Each picture of a batch has a lens of its
+    own. Pictures of uint8 are taken for sRGB, floats for linear light. Random numbers are PyTorch's.
+    Gradients do not pass; a picture or a depth that requires them is warned of.
 
     Parameters
     ----------
@@ -50,6 +57,10 @@ class RandomDepthOfField(v2.Transform):
         The lens is opened so far.
     depth_to : {"depth", "coc"}, optional
         Whether the depth is passed on, or replaced by the signed radius of the circle of confusion in pixels.
+    lens_to : str, optional
+        The key under which a sample that is a dictionary gets the lens that was drawn: a dictionary of
+        ``aperture_radius`` and ``focus_distance`` in metres, or of the strength and the focus of a lens over
+        relative disparity; or ``in_focus``. They are numbers; of a batch, tensors.
     **options
         ``depth_kind``, ``near``, ``far``, ``invalid``, ``invalid_color``, ``in_focus`` and all that
         `dofsim.render` knows of methods and openings. In a worker of a data loader ``threads`` is 1 unless
@@ -58,8 +69,10 @@ class RandomDepthOfField(v2.Transform):
     Raises
     ------
     ValueError
-        If a range is none, or when it is called if the sample has not one depth and one picture, or if they
-        cannot be rendered.
+        If `max_coc_px` is no range, or when it is called if the sample has not one depth and one picture, or
+        if they cannot be rendered.
+    TypeError
+        When it is called with `lens_to`, if the sample is no dictionary.
 
     Examples
     --------
@@ -73,8 +86,9 @@ class RandomDepthOfField(v2.Transform):
     torch.Size([3, 24, 32])
     """
 
-    # What the base class asks for: pictures and depth, no other masks, boxes or videos.
-    _transformed_types = (tv_tensors.Image, Depth, v2.functional.is_pure_tensor)
+    # What the base class asks for: pictures and depth, no other masks, boxes or videos; and the place of the
+    # lens.
+    _transformed_types = (tv_tensors.Image, Depth, v2.functional.is_pure_tensor, _PlaceOfLens)
 
     def __init__(
         self,
@@ -82,6 +96,7 @@ class RandomDepthOfField(v2.Transform):
         *,
         max_coc_px: tuple[float, float],
         depth_to: str = "depth",
+        lens_to: str | None = None,
         **options: Any,
     ) -> None:
         super().__init__()
@@ -95,11 +110,37 @@ class RandomDepthOfField(v2.Transform):
         self.lens = lens
         self.max_coc_px = (float(low), float(high))
         self.depth_to = depth_to
+        self.lens_to = lens_to
         self.depth_options = {name: options.pop(name) for name in _DEPTH_WORDS if name in options}
         self.options = options
 
+    def forward(self, *inputs: Any) -> Any:
+        """See a sample through a lens.
+
+        Parameters
+        ----------
+        *inputs
+            The sample.
+
+        Returns
+        -------
+        object
+            The same structure.
+        """
+        if self.lens_to is None:
+            return super().forward(*inputs)
+        if len(inputs) != 1 or not isinstance(inputs[0], dict):
+            raise TypeError(f"a sample must be a dictionary to get the lens as {self.lens_to!r}")
+        return super().forward({**inputs[0], self.lens_to: _PlaceOfLens()})
+
+    def extra_repr(self) -> str:
+        """Return the arguments."""
+        words = {"max_coc_px": self.max_coc_px, "depth_to": self.depth_to, "lens_to": self.lens_to}
+        words = {**words, **self.depth_options, **self.options}
+        return ", ".join([repr(self.lens), *(f"{name}={value!r}" for name, value in words.items())])
+
     def make_params(self, flat_inputs: list[Any]) -> dict[str, Any]:
-        """Draw the lens.
+        """Draw the lenses.
 
         Parameters
         ----------
@@ -109,15 +150,28 @@ class RandomDepthOfField(v2.Transform):
         Returns
         -------
         dict
-            The lens as ``lens``, and the depth as ``depth``.
+            The lenses as ``lenses``, one for each picture, and the depth maps as ``planes``, shape (N, H, W).
         """
-        depths = [one for one in flat_inputs if isinstance(one, Depth)]
-        if len(depths) != 1 or len(flat_inputs) != 2:
+        found = [one for one in flat_inputs if not isinstance(one, _PlaceOfLens)]
+        depths = [one for one in found if isinstance(one, Depth)]
+        if len(depths) != 1 or len(found) != 2:
             raise ValueError(
                 f"a sample must have one dofsim.torch.Depth and one picture; got {len(depths)} and "
-                f"{len(flat_inputs) - len(depths)}"
+                f"{len(found) - len(depths)}"
             )
-        return {"lens": self.draw(depths[0]), "depth": depths[0]}
+        if any(one.requires_grad for one in found):
+            warnings.warn("RandomDepthOfField passes no gradients: it computes outside PyTorch", stacklevel=4)
+        (depth,) = depths
+        (image,) = (one for one in found if one is not depth)
+        batch = image.shape[:-3]
+        if depth.shape[:-2] not in (batch, (*batch, 1)) or depth.shape[-2:] != image.shape[-2:]:
+            raise ValueError(
+                "the picture must have shape (..., C, H, W) where the depth has (..., H, W) or (..., 1, H, "
+                "W); got "
+                f"{tuple(image.shape)} and {tuple(depth.shape)}"
+            )
+        planes = _array(depth).reshape(-1, *depth.shape[-2:])
+        return {"lenses": [self._draw(plane) for plane in planes], "planes": planes, "batch": batch}
 
     def draw(self, depth: torch.Tensor) -> dofsim.Lens:
         """Draw a lens for a depth map.
@@ -125,28 +179,28 @@ class RandomDepthOfField(v2.Transform):
         Parameters
         ----------
         depth : Tensor
-            Shape (..., H, W); all maps of a batch are seen through the same lens.
+            Shape (H, W) or (1, H, W).
 
         Returns
         -------
         Lens
             Focused on a random pixel with finite depth, or over its range in focus; as wide as was drawn.
         """
-        planes = _array(depth).reshape(-1, *depth.shape[-2:])
+        if depth.ndim < 2 or any(side != 1 for side in depth.shape[:-2]):
+            raise ValueError(f"depth must have shape (H, W) or (1, H, W); got {tuple(depth.shape)}")
+        return self._draw(_array(depth).reshape(depth.shape[-2:]))
+
+    def _draw(self, plane: NDArray[Any]) -> dofsim.Lens:
         words = {name: value for name, value in self.depth_options.items() if name != "invalid"}
-        size = planes[0].size
-        usable = np.concatenate(
-            [index * size + focusable_pixels(self.lens, plane, **words) for index, plane in enumerate(planes)]
-        )
+        usable = focusable_pixels(self.lens, plane, **words)
         if usable.size == 0:
             raise ValueError("the depth has no pixel to focus on: none is finite")
-        chosen = usable[int(torch.randint(usable.size, ()))]
-        index, y, x = (int(i) for i in np.unravel_index(chosen, planes.shape))
+        y, x = divmod(int(usable[int(torch.randint(usable.size, ()))]), plane.shape[1])
         lens = self.lens
         if lens.in_focus is None:
-            lens = lens.focused_at(planes[index], x, y, **words)
+            lens = lens.focused_at(plane, x, y, **words)
         # The radius is proportional to the opening, so that one look at any opening tells how far to open it.
-        largest = max(float(np.abs(self._coc(plane, lens)).max()) for plane in planes)
+        largest = float(np.abs(self._coc(plane, lens)).max())
         low, high = self.max_coc_px
         wanted = low + (high - low) * float(torch.rand(()))
         factor = wanted / largest if largest > 0 else 0.0
@@ -163,7 +217,7 @@ class RandomDepthOfField(v2.Transform):
         Parameters
         ----------
         inpt : Tensor
-            The picture or the depth.
+            The picture or the depth; or the place of the lens.
         params : dict
             What `make_params` gave.
 
@@ -172,20 +226,17 @@ class RandomDepthOfField(v2.Transform):
         Tensor
             Of the same type, shape, dtype and device.
         """
-        lens, depth = params["lens"], params["depth"]
+        lenses, planes = params["lenses"], params["planes"]
+        if isinstance(inpt, _PlaceOfLens):
+            return _numbers(lenses, params["batch"])
         if isinstance(inpt, Depth):
             if self.depth_to == "depth":
-                return inpt
-            planes = _array(inpt).reshape(-1, *inpt.shape[-2:])
-            radii = np.stack([self._coc(plane, lens) for plane in planes]).reshape(inpt.shape)
-            return tv_tensors.wrap(torch.from_numpy(radii).to(inpt.device, inpt.dtype), like=inpt)
-        if inpt.shape[:-3] != depth.shape[:-2] or inpt.shape[-2:] != depth.shape[-2:]:
-            raise ValueError(
-                f"the picture must have shape (..., C, H, W) where the depth has (..., H, W); got "
-                f"{tuple(inpt.shape)} and {tuple(depth.shape)}"
-            )
+                # What a worker sends is moved to shared memory, also while the next sample is rendered from it.
+                return inpt.clone() if get_worker_info() is not None else inpt
+            radii = [self._coc(plane, lens) for plane, lens in zip(planes, lenses, strict=True)]
+            coc = torch.from_numpy(np.stack(radii).reshape(inpt.shape))
+            return tv_tensors.wrap(coc.to(inpt.device, inpt.dtype), like=inpt)
         colors = _array(inpt).reshape(-1, *inpt.shape[-3:])
-        planes = _array(depth).reshape(-1, *depth.shape[-2:])
         options = {**self.depth_options, **self.options}
         if get_worker_info() is not None:
             options.setdefault("threads", 1)
@@ -194,7 +245,7 @@ class RandomDepthOfField(v2.Transform):
         # Channels last, as a view.
         rendered = [
             dofsim.render(color.transpose(1, 2, 0), plane, lens, **options).transpose(2, 0, 1)
-            for color, plane in zip(colors, planes, strict=True)
+            for color, plane, lens in zip(colors, planes, lenses, strict=True)
         ]
         pixels = rendered[0] if len(rendered) == 1 else np.stack(rendered)
         result = torch.from_numpy(pixels.reshape(inpt.shape)).to(inpt.device)
@@ -246,6 +297,10 @@ class DepthOfField(Dataset[Any]):
         """
         self.epoch = epoch
 
+    def __repr__(self) -> str:
+        """Return the arguments."""
+        return f"DepthOfField({self.dataset!r}, {self.transform!r}, seed={self.seed})"
+
     def __len__(self) -> int:
         """Return the number of samples."""
         return len(self.dataset)
@@ -257,6 +312,22 @@ class DepthOfField(Dataset[Any]):
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(int(entropy.generate_state(1, np.uint64)[0]))
             return self.transform(sample)
+
+
+def _numbers(lenses: list[dofsim.Lens], batch: tuple[int, ...]) -> dict[str, Any]:
+    """Give what was drawn of some lenses; of a batch as tensors of its shape."""
+    names = ("aperture_radius", "strength_px", "strength_percent", "focus_distance", "focus", "in_focus")
+    drawn = {
+        name: [getattr(lens, name) for lens in lenses]
+        for name in names
+        if getattr(lenses[0], name) is not None
+    }
+    if not batch:
+        return {name: values[0] for name, values in drawn.items()}
+    return {
+        name: torch.tensor(values, dtype=torch.float64).reshape(*batch, *np.shape(values[0]))
+        for name, values in drawn.items()
+    }
 
 
 def _array(tensor: torch.Tensor) -> NDArray[Any]:
