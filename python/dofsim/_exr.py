@@ -215,6 +215,15 @@ class ExrFile:
             plane[~self._is_stored(depth.part, plane.shape)] = math.inf
         return np.ascontiguousarray(pixels[..., 0] if len(color) == 1 else pixels), plane
 
+    def beyond(self, part: int) -> tuple[int, int, int, int]:
+        """Give how many pixels are stored beyond the display window: left, top, right, bottom.
+
+        Negative numbers are pixels of the display window that are not stored.
+        """
+        x, y, width, height = self.parts[part].data_window
+        left, top, seen_width, seen_height = self.parts[part].display_window
+        return left - x, top - y, x + width - left - seen_width, y + height - top - seen_height
+
     def _is_stored(self, part: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
         """Tell which pixels of the display window are in the data window."""
         left, top, _, _ = self.parts[part].display_window

@@ -49,6 +49,8 @@ def write_image(
     depth: ArrayLike | None = None,
     dtype: SampleType | None = None,
     compression: Compression | None = None,
+    attributes_of: StrPath | None = None,
+    corner: tuple[int, int] | None = None,
 ) -> None:
     """Write a picture in the format that the suffix names.
 
@@ -77,6 +79,12 @@ def write_image(
     compression : {"none", "rle", "zips", "zip", "piz"}, optional
         Of OpenEXR files. All are lossless. The default is ``"zip"`` for half floats, which it halves, and
         ``"none"`` for floats, which it shrinks by a twentieth in longer than it takes to render them.
+    attributes_of : str or path-like, optional
+        Another OpenEXR file, for those that are written: its attributes are kept, such as chromaticities,
+        pixel aspect ratio, time code, comments and those that programs added of their own.
+    corner : tuple of int, optional
+        Column and row of the display window of ``attributes_of`` where the picture begins: ``(0, 0)`` and its
+        size for the whole of it. Without it the picture has a display window of its own.
 
     Raises
     ------
@@ -119,7 +127,13 @@ def write_image(
         if kind == "exr":
             channels = _exr_channels(values) + ([] if plane is None else [("Z", plane)])
             usual: Compression = "zip" if target is np.float16 else "none"
-            _dofsim.write_exr(path, [(None, channels)], compression=compression or usual)
+            _dofsim.write_exr(
+                path,
+                [(None, channels)],
+                compression=compression or usual,
+                attributes_of=attributes_of,
+                corner=corner,
+            )
         elif kind == "png":
             _dofsim.write_png(path, values)
         elif kind == "tiff":

@@ -129,13 +129,15 @@ impl Contiguous<'_> {
     }
 }
 
-/// One part of an OpenEXR file: its name, its channels, its windows as (x, y, width, height).
+/// One part of an OpenEXR file: its name, its channels, its windows as (x, y, width, height), and the width of a pixel
+/// over its height.
 #[pyclass(frozen, get_all, module = "dofsim._dofsim")]
 pub struct ExrPart {
     name: Option<String>,
     channels: Vec<String>,
     data_window: (i32, i32, usize, usize),
     display_window: (i32, i32, usize, usize),
+    pixel_aspect: f32,
 }
 
 /// The format of a file by its first bytes: "exr", "png", "jpeg", "webp", "bmp", "hdr", "tiff", "pfm", "npy" or "npz".
@@ -168,6 +170,7 @@ pub fn exr_parts(py: Python<'_>, path: PathBuf) -> PyResult<Vec<ExrPart>> {
             channels: part.channels,
             data_window: window(part.data_window),
             display_window: window(part.display_window),
+            pixel_aspect: part.pixel_aspect,
         })
         .collect())
 }
@@ -191,14 +194,17 @@ pub fn read_exr(
 
 type NamedChannels<'py> = Vec<(String, Contiguous<'py>)>;
 
-/// Writes parts, each a name and channels of (name, array), to an OpenEXR file.
+/// Writes parts, each a name and channels of (name, array), to an OpenEXR file; with the attributes of the OpenEXR file
+/// `attributes_of` if it is given, and beginning at `corner` of its display window, or else with windows of their own.
 #[pyfunction]
-#[pyo3(signature = (path, parts, *, compression))]
+#[pyo3(signature = (path, parts, *, compression, attributes_of=None, corner=None))]
 pub fn write_exr(
     py: Python<'_>,
     path: PathBuf,
     parts: Vec<(Option<String>, NamedChannels<'_>)>,
     compression: &str,
+    attributes_of: Option<PathBuf>,
+    corner: Option<(i32, i32)>,
 ) -> PyResult<()> {
     let compression =
         openexr::compression(compression).map_err(|problem| PyValueError::new_err(problem.to_string()))?;
@@ -215,7 +221,10 @@ pub fn write_exr(
             Ok(openexr::Layer { name: name.clone(), width: shape.width, height: shape.height, channels })
         })
         .collect::<PyResult<_>>()?;
-    Ok(py.detach(|| openexr::write(&path, layers, compression))?)
+    Ok(py.detach(|| {
+        let attributes = attributes_of.as_deref().map(openexr::attributes).transpose()?;
+        openexr::write(&path, layers, compression, attributes.as_ref().map(|all| (all, corner)))
+    })?)
 }
 
 /// Writes uint8 or uint16 pixels, sRGB with straight alpha, to a PNG file.

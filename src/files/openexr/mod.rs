@@ -9,5 +9,5 @@ mod parallel;
 mod read;
 mod write;
 
-pub use read::{Part, View, Window, parts, read};
+pub use read::{Attributes, Part, View, Window, attributes, parts, read};
 pub use write::{Channel, Layer, Values, compression, write};

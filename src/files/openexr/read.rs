@@ -9,7 +9,7 @@ use ::exr::block::chunk::{Chunk, CompressedBlock};
 use ::exr::compression::Compression;
 use ::exr::math::Vec2;
 use ::exr::meta::attribute::{IntegerBounds, SampleType, Text};
-use ::exr::meta::header::Header;
+use ::exr::meta::header::{Header, ImageAttributes, LayerAttributes};
 use half::f16;
 use std::collections::HashSet;
 use std::path::Path;
@@ -37,7 +37,7 @@ impl From<IntegerBounds> for Window {
 }
 
 /// The description of one of a file's parts.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Part {
     /// Its name; the only part of a file needs none.
     pub name: Option<String>,
@@ -47,6 +47,15 @@ pub struct Part {
     pub data_window: Window,
     /// The pixels that are meant to be seen.
     pub display_window: Window,
+    /// The width of a pixel over its height, on a screen that shows the picture undistorted.
+    pub pixel_aspect: f32,
+}
+
+/// What a file says beside its pixels: windows, chromaticities, comments, and what programs added of their own.
+#[derive(Clone)]
+pub struct Attributes {
+    pub(super) shared: ImageAttributes,
+    pub(super) own: LayerAttributes,
 }
 
 /// The rectangle of pixels that is read.
@@ -56,6 +65,18 @@ pub enum View {
     Display,
     /// The data window: all stored pixels.
     Data,
+}
+
+impl Attributes {
+    /// The width of a pixel over its height.
+    pub(super) fn pixel_aspect(&self) -> f32 {
+        pixel_aspect(self.shared.pixel_aspect)
+    }
+}
+
+/// The aspect that a file claims for its pixels; 1 for what the format does not allow.
+fn pixel_aspect(claimed: f32) -> f32 {
+    if (1e-6..=1e6).contains(&claimed) { claimed } else { 1.0 }
 }
 
 /// Lists the parts of a file.
@@ -70,8 +91,19 @@ pub fn parts(path: &Path) -> Result<Vec<Part>> {
                 channels: header.channels.list.iter().map(|channel| text(&channel.name)).collect(),
                 data_window: header.data_window().into(),
                 display_window: header.shared_attributes.display_window.into(),
+                pixel_aspect: pixel_aspect(header.shared_attributes.pixel_aspect),
             })
             .collect())
+    })
+}
+
+/// Reads what the first part of a file says beside its pixels.
+pub fn attributes(path: &Path) -> Result<Attributes> {
+    with_path(path, || {
+        let reader = ::exr::block::read(open(path)?.reader, false)?;
+        let header =
+            reader.headers().first().ok_or_else(|| Problem::Damaged("it has no part".into()))?.clone();
+        Ok(Attributes { shared: header.shared_attributes, own: header.own_attributes })
     })
 }
 

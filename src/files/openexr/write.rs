@@ -1,6 +1,7 @@
 //! Writes parts of named channels as scan lines.
 
 use super::parallel::for_each_parallel;
+use super::read::Attributes;
 use crate::files::atomic;
 use crate::files::error::{Problem, Result};
 use ::exr::block::chunk::Chunk;
@@ -9,7 +10,7 @@ use ::exr::block::{BlockIndex, UncompressedBlock, enumerate_ordered_header_block
 use ::exr::math::Vec2;
 use ::exr::meta::BlockDescription;
 use ::exr::meta::attribute::{ChannelDescription, Compression, LineOrder, SampleType, Text};
-use ::exr::meta::header::{Header, ImageAttributes};
+use ::exr::meta::header::{Header, ImageAttributes, LayerAttributes, standard_names};
 use half::f16;
 use std::path::Path;
 use std::sync::OnceLock;
@@ -71,14 +72,25 @@ pub fn compression(name: &str) -> std::result::Result<Compression, Problem> {
     }
 }
 
-/// Writes a file of one or more parts.
-pub fn write(path: &Path, mut layers: Vec<Layer<'_>>, compression: Compression) -> Result<()> {
+/// Writes a file of one or more parts; with the attributes of another file if they are given, and where the parts begin in
+/// that one's display window.
+pub fn write(
+    path: &Path,
+    mut layers: Vec<Layer<'_>>,
+    compression: Compression,
+    attributes: Option<(&Attributes, Option<(i32, i32)>)>,
+) -> Result<()> {
     atomic::replace(path, |writer| {
         for layer in &mut layers {
             // The format requires channels to be sorted by the bytes of their names.
             layer.channels.sort_by(|a, b| a.name.as_bytes().cmp(b.name.as_bytes()));
         }
-        let headers = headers(&layers, compression)?;
+        let mut headers = headers(&layers, compression)?;
+        if let Some((attributes, corner)) = attributes {
+            for header in &mut headers {
+                attributes.set(header, corner);
+            }
+        }
         let blocks: Vec<_> = enumerate_ordered_header_block_indices(&headers).collect();
         let coded: Vec<OnceLock<Chunk>> = blocks.iter().map(|_| OnceLock::new()).collect();
         for_each_parallel(blocks.len(), |i| {
@@ -117,6 +129,45 @@ impl Layer<'_> {
             }
         }
         bytes
+    }
+}
+
+impl Attributes {
+    /// Gives a new part these attributes, but for those that only the old pixels had.
+    ///
+    /// Where the part begins in the old display window is given by `corner`; without it, the part has a display window of
+    /// its own.
+    fn set(&self, header: &mut Header, corner: Option<(i32, i32)>) {
+        let display_window = match corner {
+            Some(_) => self.shared.display_window,
+            None => header.shared_attributes.display_window,
+        };
+        let (x, y) = corner.unwrap_or_default();
+        header.shared_attributes =
+            ImageAttributes { display_window, pixel_aspect: self.pixel_aspect(), ..self.shared.clone() };
+        header.own_attributes = LayerAttributes {
+            layer_name: header.own_attributes.layer_name.take(),
+            layer_position: Vec2(x, y),
+            screen_window_width: self.own.screen_window_width.max(0.0),
+            // A small picture of the old pixels, and names of channels that are not here.
+            preview: None,
+            multi_view_names: None,
+            view_name: None,
+            deep_image_state: None,
+            original_data_window: None,
+            ..self.own.clone()
+        };
+        // What cannot be written is left out: a standard name with another type, as some programs write it, a name that is
+        // there twice, and values that the format does not allow.
+        let data_window = header.data_window();
+        let is_standard = |name: &Text| standard_names::ALL.contains(&name.as_slice());
+        let (shared, own) = (&mut header.shared_attributes.other, &mut header.own_attributes.other);
+        shared.retain(|name, value| !is_standard(name) && value.validate(false, data_window, true).is_ok());
+        own.retain(|name, value| {
+            !is_standard(name)
+                && !shared.contains_key(name)
+                && value.validate(false, data_window, true).is_ok()
+        });
     }
 }
 
