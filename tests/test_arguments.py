@@ -1,6 +1,7 @@
 """What `render`, `Scene`, `Lens` and `Aperture` take, and what they say when they cannot."""
 
 import copy
+import inspect
 import math
 import pickle
 
@@ -442,3 +443,23 @@ def test_blender_camera():
     assert lens.fov == pytest.approx(math.degrees(2 * math.atan(18 / 50)))
     upright = Lens.from_blender({**words, "sensor_fit": "VERTICAL", "sensor_height": 20.0})
     assert (upright.fov_axis, upright.fov) == ("y", pytest.approx(math.degrees(2 * math.atan(10 / 50))))
+
+
+def test_what_completion_shows_is_public_and_can_be_used():
+    names = dir(dofsim)
+    assert "FocusPicker" in names
+    assert [name for name in names if name.startswith("_") and name != "__version__"] == []
+    assert set(names) == {*dofsim.__all__, "FocusPicker"}
+
+
+@pytest.mark.parametrize("function", [Lens, Lens.from_disparity, Lens.from_camera, Aperture, dofsim.render])
+def test_signatures_show_their_defaults(function):
+    parameters = inspect.signature(function).parameters.values()
+    assert [one.name for one in parameters if one.default is Ellipsis] == []
+
+
+def test_the_defaults_of_a_lens_are_those_it_has():
+    lens = Lens(aperture_radius=0.1, focus_distance=1.0, fov=40.0)
+    for name, parameter in inspect.signature(Lens).parameters.items():
+        if parameter.default not in (inspect.Parameter.empty, None):
+            assert getattr(lens, name) == parameter.default

@@ -44,3 +44,8 @@ def __getattr__(name: str) -> Any:
 
         return FocusPicker
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """List the public names, the widget's among them."""
+    return sorted({*__all__, "FocusPicker"})

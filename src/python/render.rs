@@ -7,6 +7,7 @@ use super::methods::read_method;
 use super::scene::PyScene;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::time::Instant;
 
 /// The picture that a real lens would have taken.
 ///
@@ -80,6 +81,9 @@ use pyo3::types::PyDict;
 ///
 /// Notes
 /// -----
+/// The logger ``dofsim.render`` is told on one line, at the level ``INFO``, the range of the depth, the focus, the radius
+/// of the blur and the time; and as a ``WARNING`` what of it is suspicious.
+///
 /// What lies beyond the border of the picture is taken for its mirror image. The methods and their options:
 ///
 /// ``"lens"`` integrates over the lens with visibility for every lens point. With a fixed number of views it is what
@@ -195,5 +199,28 @@ pub fn render<'py>(
         overscan,
         supersample,
     )?;
-    scene.picture(py, &lens, &method, threads, out)
+    let start = Instant::now();
+    let picture = scene.picture(py, &lens, &method, threads, out)?;
+    if is_logged(py)? {
+        let seconds = start.elapsed().as_secs_f64();
+        let words = PyDict::new(py);
+        words.set_item("depth_kind", depth_kind)?;
+        words.set_item("near", near)?;
+        words.set_item("far", far)?;
+        words.set_item("overscan", overscan)?;
+        words.set_item("supersample", supersample)?;
+        words.set_item("max_coc_px", max_coc_px)?;
+        let log_render = py.import("dofsim._report")?.getattr("log_render")?;
+        log_render.call((depth, PyLens { core: lens }, seconds), Some(&words))?;
+    }
+    Ok(picture)
+}
+
+/// Whether anyone listens to what the logger of renders says. A process that has not imported `logging` has set up no
+/// logger.
+fn is_logged(py: Python<'_>) -> PyResult<bool> {
+    const INFO: i32 = 20;
+    let modules = py.import("sys")?.getattr("modules")?.cast_into::<PyDict>()?;
+    let Some(logging) = modules.get_item("logging")? else { return Ok(false) };
+    logging.call_method1("getLogger", ("dofsim.render",))?.call_method1("isEnabledFor", (INFO,))?.extract()
 }

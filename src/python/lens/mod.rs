@@ -106,7 +106,11 @@ impl PyLens {
     #[new]
     #[pyo3(signature = (*, aperture_radius, focus_distance=None, fov, fov_axis="x", in_focus=None,
         tilt=(0.0, 0.0), field_curvature=0.0, axial_color=(0.0, 0.0, 0.0), lateral_color=(0.0, 0.0, 0.0),
-        cat_eye=0.0, vignetting="none", principal_point=(0.0, 0.0), sensor_mm=None, breathing_focal_length_mm=None))]
+        cat_eye=0.0, vignetting="none", principal_point=(0.0, 0.0), sensor_mm=None, breathing_focal_length_mm=None),
+        text_signature = "(*, aperture_radius, focus_distance=None, fov, fov_axis='x', in_focus=None, \
+            tilt=(0.0, 0.0), field_curvature=0.0, axial_color=(0.0, 0.0, 0.0), lateral_color=(0.0, 0.0, 0.0), \
+            cat_eye=0.0, vignetting='none', principal_point=(0.0, 0.0), sensor_mm=None, \
+            breathing_focal_length_mm=None)")]
     #[expect(clippy::too_many_arguments, reason = "the public constructor's own, keyword-only in Python")]
     fn new(
         #[pyo3(from_py_with = argument::aperture_radius)] aperture_radius: f64,
@@ -183,7 +187,10 @@ impl PyLens {
     #[staticmethod]
     #[pyo3(signature = (*, strength_px=None, strength_percent=None, focus=None, in_focus=None,
         axial_color=(0.0, 0.0, 0.0), lateral_color=(0.0, 0.0, 0.0), cat_eye=0.0, vignetting="none",
-        principal_point=(0.0, 0.0)))]
+        principal_point=(0.0, 0.0)),
+        text_signature = "(*, strength_px=None, strength_percent=None, focus=None, in_focus=None, \
+            axial_color=(0.0, 0.0, 0.0), lateral_color=(0.0, 0.0, 0.0), cat_eye=0.0, vignetting='none', \
+            principal_point=(0.0, 0.0))")]
     #[expect(clippy::too_many_arguments, reason = "the public constructor's own, keyword-only in Python")]
     fn from_disparity(
         #[pyo3(from_py_with = argument::strength_px)] strength_px: Option<f64>,
