@@ -475,9 +475,33 @@ def test_picture_and_depth_in_two_files_must_agree(tmp_path):
     color, depth = io.read_rgbd(tmp_path / "a.png", tmp_path / "z.pfm")
     assert (color.dtype, depth.dtype) == (np.uint8, np.float32)
     io.write_depth(tmp_path / "z.pfm", np.ones((6, 4)))
-    with pytest.raises(ValueError, match=r"\(4, 6, 3\).*\(6, 4\)"):
+    with pytest.raises(ValueError, match="the picture is 6 x 4, its depth 4 x 6"):
         io.read_rgbd(tmp_path / "a.png", tmp_path / "z.pfm")
     with pytest.raises(ValueError, match="no depth beside"):
         io.read_rgbd(tmp_path / "a.png")
     with pytest.raises(ValueError, match="one channel"):
         io.read_depth(tmp_path / "a.png")
+
+
+@pytest.mark.parametrize(
+    ("pixels", "transfer", "alpha"),
+    [
+        (np.ones((4, 6), np.float32), "linear", "none"),
+        (np.ones((4, 6, 3), np.uint8), "srgb", "none"),
+        (np.ones((4, 6, 4), np.uint16), "srgb", "straight"),
+        (np.full((4, 6, 3), np.nan, np.float32), "linear", "none"),
+        (np.ones((4, 2000, 2), np.float32), "linear", "premultiplied"),
+    ],
+)
+def test_pictures_show_themselves(tmp_path, pixels, transfer, alpha):
+    image = io.Image(pixels, transfer, alpha)
+    text = repr(image)
+    assert text.startswith(f"<Image of {pixels.shape[1]} x 4 pixels, ")
+    assert "array(" not in text
+    path = tmp_path / "shown.png"
+    path.write_bytes(image._repr_png_())
+    assert io.read_color(path).pixels.shape[1] <= 800
+    depth = np.where(np.arange(pixels.shape[1]) % 3, np.inf, np.arange(pixels.shape[1]) + 1.0)
+    both = io.RGBD(pixels, np.broadcast_to(depth, pixels.shape[:2]), transfer, alpha)
+    assert "array(" not in repr(both)
+    assert both._repr_png_().startswith(b"\x89PNG")

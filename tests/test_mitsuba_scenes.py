@@ -10,7 +10,7 @@ import pytest
 mi = pytest.importorskip("mitsuba", reason="Mitsuba 3 is the reference: pip install mitsuba")
 
 import dofsim  # noqa: E402
-from dofsim import metrics  # noqa: E402
+from dofsim import io, metrics  # noqa: E402
 from dofsim.mitsuba import compare, find_llvm, rgbd  # noqa: E402
 from dofsim.mitsuba._capture import averaged  # noqa: E402
 from scenes.variant import choose_variant  # noqa: E402
@@ -299,4 +299,124 @@ def test_other_variants_are_refused():
 def test_without_mitsuba_the_error_says_what_to_install():
     code = "import sys; sys.modules['mitsuba'] = None; import dofsim.mitsuba"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert "pip install dofsim[mitsuba]" in result.stderr
+    assert "pip install '.[mitsuba]'" in result.stderr
+
+
+# Cards, glass, and scenes that are none
+
+
+def card(z, radiance, opacity=None, **bsdf):
+    """Describe a card before the camera at the origin, which looks along +z."""
+    turned = mi.ScalarTransform4f().translate([0, 0, z]).rotate([0, 1, 0], 180).scale(z)
+    diffuse = bsdf or {"type": "diffuse", "reflectance": 0.0}
+    words = {"type": "rectangle", "to_world": turned, "bsdf": {"type": "twosided", "b": diffuse}}
+    if opacity is not None:
+        words["bsdf"] = {"type": "mask", "opacity": opacity, "b": words["bsdf"]}
+    return words | glow(radiance)
+
+
+def straight(**shapes):
+    return {
+        "type": "scene",
+        "integrator": {"type": "path", "max_depth": 4},
+        "camera": {
+            "type": "thinlens", "fov": 60.0, "aperture_radius": 0.05, "focus_distance": 2.0,
+            "film": {"type": "hdrfilm", "width": 32, "height": 32, "rfilter": {"type": "box"}},
+        },
+        **shapes,
+    }  # fmt: skip
+
+
+def halves_of_a_leaf():
+    """Describe an opacity: 1 on one half of a card, 0.2 on the other."""
+    values = np.full((64, 64, 1), 0.2, np.float32)
+    values[:, :32] = 1.0
+    return {"type": "bitmap", "bitmap": mi.Bitmap(values), "raw": True, "filter_type": "nearest"}
+
+
+@pytest.mark.parametrize("variant", ["scalar_rgb", "llvm_ad_rgb"])
+def test_rays_pass_through_the_transparent_part_of_a_mask(variant):
+    if variant.startswith("llvm"):
+        if find_llvm() is None:
+            pytest.skip("there is no LLVM for Mitsuba")
+        choose_variant(variant)
+    scene = straight(leaf=card(2.0, [1, 0, 0], halves_of_a_leaf()), wall=card(5.0, [0, 1, 0]))
+    depth = rgbd(scene, spp=1).depth
+    on_leaf = np.isclose(depth, 2.0, rtol=1e-4)
+    assert on_leaf.sum() == depth.size // 2
+    np.testing.assert_allclose(depth[~on_leaf], 5.0, rtol=1e-4)
+    # Of layers, the wall is the second one behind the leaf, and the first one beside it.
+    color, layers, _ = rgbd(scene, spp=1, layers=2)
+    np.testing.assert_allclose(layers[0], depth, rtol=1e-5)
+    np.testing.assert_allclose(layers[1][on_leaf], 5.0, rtol=1e-4)
+    assert np.isinf(layers[1][~on_leaf]).all()
+    assert (color[1][~on_leaf] == 0.0).all()
+
+
+def test_cards_with_a_mask_count_from_both_sides():
+    """The second of two leaves shows its back."""
+    back = card(3.0, [0, 0, 1], 1.0)
+    back["to_world"] = mi.ScalarTransform4f().translate([0, 0, 3]).scale(3)
+    scene = straight(leaf=card(2.0, [1, 0, 0], halves_of_a_leaf()), back=back, wall=card(5.0, [0, 1, 0]))
+    _, depth, _ = rgbd(scene, spp=1, layers=3)
+    on_leaf = np.isclose(depth[0], 2.0, rtol=1e-4)
+    np.testing.assert_allclose(depth[1][on_leaf], 3.0, rtol=1e-4)
+    np.testing.assert_allclose(depth[2][on_leaf], 5.0, rtol=1e-4)
+    np.testing.assert_allclose(depth[0][~on_leaf], 3.0, rtol=1e-4)
+
+
+def test_glass_and_mirrors_are_named():
+    def ball(name, x, bsdf):
+        return {name: {"type": "sphere", "center": [x, 0, 3], "radius": 0.3, "bsdf": bsdf}}
+
+    shapes = ball("window", -1, {"type": "dielectric"}) | ball("knob", 0, {"type": "conductor"})
+    shapes |= ball("cup", 1, {"type": "plastic"}) | ball("paper", 2, {"type": "diffuse"})
+    with pytest.warns(
+        UserWarning, match=r"glass or mirrors, knob \(.*\), window \(.*\): what they show"
+    ) as caught:
+        rgbd(straight(**shapes, wall=card(5.0, [1, 1, 1])), spp=1)
+    assert "cup" not in str(caught[0].message)
+
+
+def test_a_scene_without_a_sensor():
+    with pytest.raises(ValueError, match="the scene has no sensor; add a thinlens"):
+        rgbd({"type": "scene", "wall": card(5.0, [1, 1, 1])})
+
+
+def test_a_reference_that_is_there_is_taken(tmp_path, capsys):
+    scene = straight(ball={"type": "sphere", "center": [0, 0, 3], "radius": 0.5, **glow([1, 1, 1])})
+    first = compare(scene, spp=16, pinhole_spp=16)
+    assert first.noise is not None
+    assert "reference's noise" in str(first)
+    assert "pinhole's noise" in str(first)
+    io.write_image(tmp_path / "r.exr", first.reference)
+    for reference in (first.reference, tmp_path / "r.exr"):
+        again = compare(scene, pinhole_spp=16, reference=reference)
+        assert again.noise is None
+        assert "reference's noise" not in str(again)
+        assert set(again.seconds) == {"dofsim", "pinhole and depth"}
+        assert again.distances == first.distances
+    with pytest.raises(ValueError, match=r"reference must have the scene's size, \(32, 32, 3\)"):
+        compare(scene, reference=np.zeros((32, 31, 3)))
+    assert capsys.readouterr().err == ""
+
+
+def test_a_bar_shows_how_far_mitsuba_is(capsys):
+    scene = straight(ball={"type": "sphere", "center": [0, 0, 3], "radius": 0.5, **glow([1, 1, 1])})
+    compare(scene, spp=16, pinhole_spp=4, progress=True)
+    said = capsys.readouterr().err
+    assert "Mitsuba" in said
+    assert "100%" in said
+
+
+def test_captures_and_comparisons_show_themselves():
+    scene = straight(ball={"type": "sphere", "center": [0, 0, 3], "radius": 0.5, **glow([1, 1, 1])})
+    comparison = compare(scene, spp=16, pinhole_spp=4)
+    assert repr(comparison).startswith("<Comparison of 32 x 32 pixels: PSNR")
+    assert "data:image/png" in comparison._repr_html_()
+    assert "overall" in comparison._repr_html_()
+    for layers in (1, 2):
+        capture = rgbd(scene, spp=1, layers=layers)
+        assert "32 x 32 pixels" in repr(capture)
+        assert len(repr(capture)) < 250
+        assert capture._repr_png_().startswith(b"\x89PNG")

@@ -1,7 +1,7 @@
 """Pictures and depth maps from files and back: OpenEXR, PNG, TIFF, PFM, NPY and NPZ.
 
-Other kinds are read only, among them Sintel's depth and, with ``pip install dofsim[hdf5]``, HDF5.
-Deep OpenEXR files, with ``pip install dofsim[deep]``, are read as layers.
+Other kinds are read only, among them Sintel's depth and, with the extra ``hdf5``, HDF5.
+Deep OpenEXR files are read as layers, with the extra ``deep``.
 
 What kind of light a file holds follows from its type, unless the caller says otherwise:
 
@@ -23,11 +23,12 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from . import _arrays, _datasets, _deep, _dofsim
+from . import _arrays, _datasets, _deep, _dofsim, _shown
 from ._alpha import premultiply
 from ._channels import Channel
 from ._exr import ExrFile, list_channels, read_exr, write_exr
 from ._files import StrPath
+from ._options import INTEGER_DEPTH
 from ._save import (
     ALPHAS,
     SAMPLE_TYPES,
@@ -87,6 +88,14 @@ class Image:
     alpha: Alpha
     channels: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        """Return the size, the type and what the values mean."""
+        return f"<Image of {_shown.described(self.pixels)}, transfer={self.transfer!r}, alpha={self.alpha!r}>"
+
+    def _repr_png_(self) -> bytes:
+        """Return the picture."""
+        return _shown.png([self.pixels if self.transfer == "srgb" else self.to_linear()])
+
     def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
         """Return the pixels."""
         return np.array(self.pixels, dtype) if copy else np.asarray(self.pixels, dtype)
@@ -134,6 +143,18 @@ class RGBD:
     alpha: Alpha
     color_channels: tuple[str, ...] = ()
     depth_channel: str | None = None
+
+    def __repr__(self) -> str:
+        """Return the size, the type and what the values mean."""
+        kind = f"transfer={self.transfer!r}, alpha={self.alpha!r}"
+        return f"<RGBD of {_shown.described(self.color)}, {kind}, depth of shape {self.depth.shape}>"
+
+    def _repr_png_(self) -> bytes:
+        """Return the picture, and its depth as grey: near is light."""
+        image = Image(self.color, self.transfer, self.alpha)
+        layers = self.color.ndim == 4
+        shown = self.color if layers or self.transfer == "srgb" else image.to_linear()
+        return _shown.png([shown, _shown.grey(self.depth)])
 
     def __iter__(self) -> Iterator[NDArray[Any]]:
         """Yield the colour, then the depth."""
@@ -212,7 +233,7 @@ def read_depth(
     path: StrPath,
     *,
     channel: str | None = None,
-    scale: float = 1.0,
+    scale: float | None = None,
     missing: float | None = None,
     background: float | None = None,
     layer: str | None = None,
@@ -230,7 +251,8 @@ def read_depth(
         chosen by its name, see `dofsim._channels`; in an NPZ file it is ``depth``, ``z`` or the only array.
     scale : float, optional
         The values are multiplied by it: 0.001 for millimetres in a 16-bit PNG, 1/256 for KITTI, -1 for depth
-        along -z as of OpenGL's or Mantra's cameras.
+        along -z as of OpenGL's or Mantra's cameras. It must be given for integers, which have no unit of
+        their own: 1 takes them as they are, such as a network's disparity.
     missing : float, optional
         The value in the file that means no reading, such as 0; becomes NaN.
     background : float, optional
@@ -283,7 +305,7 @@ def read_rgbd(
     *,
     layer: str | None = None,
     depth_channel: str | None = None,
-    depth_scale: float = 1.0,
+    depth_scale: float | None = None,
     depth_missing: float | None = None,
     depth_background: float | None = None,
     transfer: Transfer | None = None,
@@ -304,7 +326,7 @@ def read_rgbd(
     depth_channel : str, optional
         Which channel is the depth.
     depth_scale : float, optional
-        The depth is multiplied by it.
+        ``scale`` of `read_depth`; it must be given for a depth map of integers.
     depth_missing, depth_background : float, optional
         ``missing`` and ``background`` of `read_depth`.
     transfer : {"linear", "srgb"}, optional
@@ -313,7 +335,7 @@ def read_rgbd(
         Which pixels of OpenEXR files.
     max_layers : int, optional
         The most layers that the samples of a deep OpenEXR file are merged to, without loss of light; such
-        files need ``pip install dofsim[deep]``.
+        files need the extra ``deep``.
 
     Returns
     -------
@@ -348,7 +370,7 @@ def read_rgbd(
                     f"{color_path}: layer and depth_channel are not for deep files, which have one picture"
                 )
             layers, depths = _deep.read_deep(color_path, max_layers, data=window == "data")
-            measured = _measured(depths, depth_scale, depth_missing, depth_background)
+            measured = _measured(depths, depth_scale or 1.0, depth_missing, depth_background)
             return RGBD(layers, measured, "linear", "premultiplied")
         if exr_kind == "flat":
             file = ExrFile.of(color_path)
@@ -356,7 +378,7 @@ def read_rgbd(
             chosen = file.depth_channel(depth_channel, layer)
             pixels, plane = file.read_both(channels, chosen, data=window == "data")
             image = _exr_image(color_path, pixels, channels, transfer)
-            depth = _measured(plane, depth_scale, depth_missing, depth_background)
+            depth = _measured(plane, depth_scale or 1.0, depth_missing, depth_background)
             return _checked_rgbd(color_path, image, depth, chosen.full)
         if (kind := _datasets.file_kind(color_path)) != "npz":
             raise ValueError(f"{color_path}: a file of kind {kind} holds no depth beside the picture")
@@ -377,7 +399,7 @@ def read_named_depth(
     path: StrPath,
     *,
     channel: str | None = None,
-    scale: float = 1.0,
+    scale: float | None = None,
     missing: float | None = None,
     background: float | None = None,
     layer: str | None = None,
@@ -407,7 +429,9 @@ def read_named_depth(
         depth = _of_one_colour(path, depth)
     if depth.dtype.kind not in "fui" or (depth.ndim != 2 and not layers) or depth.size == 0:
         raise ValueError(f"{path}: found {_describe(depth)}; a depth map has one channel of numbers")
-    return _measured(depth, scale, missing, background), name
+    if scale is None and depth.dtype.kind in "ui":
+        raise ValueError(f"{path}: the depth is integers of {8 * depth.dtype.itemsize} bits, {INTEGER_DEPTH}")
+    return _measured(depth, 1.0 if scale is None else scale, missing, background), name
 
 
 def _of_one_colour(path: StrPath, depth: NDArray[Any]) -> NDArray[Any]:
@@ -440,12 +464,16 @@ def _checked_rgbd(
 ) -> RGBD:
     """Put a picture and its depth together, if they are of one size."""
     if image.pixels.shape[: depth.ndim] != depth.shape or image.pixels.ndim > depth.ndim + 1:
-        raise ValueError(f"{path}: the picture is {_describe(image.pixels)}, its depth {_describe(depth)}")
+        layers = depth.ndim - 2
+        sizes = [" x ".join(map(str, one.shape[layers : layers + 2][::-1])) for one in (image.pixels, depth)]
+        if sizes[0] == sizes[1] or layers:
+            sizes = [_describe(image.pixels), _describe(depth)]
+        raise ValueError(f"{path}: the picture is {sizes[0]}, its depth {sizes[1]}; they must be of one size")
     return RGBD(image.pixels, depth, image.transfer, image.alpha, image.channels, depth_channel)
 
 
-def _check_scale(scale: float, name: str) -> None:
-    if not math.isfinite(scale) or scale == 0:
+def _check_scale(scale: float | None, name: str) -> None:
+    if scale is not None and (not math.isfinite(scale) or scale == 0):
         raise ValueError(f"{name} must be finite and not 0; got {scale}")
 
 

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import warnings
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import isqrt
 from typing import Any
 
+import mitsuba as mi
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 import dofsim
+from dofsim import _shown
 from dofsim._dofsim import HIGHLIGHT_RATIO
+from dofsim._names import listed
 
 from ._peel import peel
 from ._variant import check_variant
@@ -51,6 +55,15 @@ class Capture:
     lens: dofsim.Lens
     supersample: int = 1
     overscan: int = 0
+
+    def __repr__(self) -> str:
+        """Return sizes and the lens."""
+        color, finer = _shown.described(self.color), self.supersample
+        return f"<Capture of {color}, supersample={finer}, overscan={self.overscan}, {self.lens!r}>"
+
+    def _repr_png_(self) -> bytes:
+        """Return the pinhole picture, and its depth as grey."""
+        return _shown.png([self.color, _shown.grey(self.depth)])
 
     def __iter__(self) -> Iterator[Any]:
         """Yield the colour, the depth and the lens."""
@@ -122,10 +135,15 @@ def rgbd(
     Raises
     ------
     TypeError
-        If the scene is none.
+        If it is given something else than a scene.
     ValueError
-        If the sensor has no field of view or crops its film, a number is out of range, or Mitsuba's variant
-        is not an RGB one.
+        If the scene has no sensor, or the sensor has no field of view or crops its film, if a number is out
+        of range, or if Mitsuba's variant is not an RGB one.
+
+    Warns
+    -----
+    UserWarning
+        If the scene has glass or mirrors, whose surfaces are taken for what they show.
 
     Examples
     --------
@@ -151,17 +169,58 @@ def rgbd(
     check_variant()
     loaded = load_scene(scene)
     seen = View.of(loaded, sensor)
-    lens = dofsim.Lens.from_mitsuba(loaded.sensors()[sensor])
+    if found := specular_shapes(loaded):
+        warnings.warn(
+            f"the scene has glass or mirrors, {listed(found)}: what they show is blurred as if it were at "
+            f"their "
+            "surfaces",
+            stacklevel=2,
+        )
+    return capture_of(
+        loaded, seen, sensor, spp=spp, layers=layers, supersample=supersample, overscan=overscan, seed=seed
+    )
+
+
+def capture_of(
+    scene: Any,
+    seen: View,
+    sensor: int,
+    *,
+    spp: int,
+    layers: int,
+    supersample: int,
+    overscan: int = 0,
+    seed: int,
+    advance: Callable[[int], object] = lambda samples: None,
+) -> Capture:
+    """Take the picture of a loaded scene; ``advance`` is told how many samples were rendered."""
+    lens = dofsim.Lens.from_mitsuba(scene.sensors()[sensor])
     view = seen.widened(overscan).finer(supersample)
     if layers == 1:
-        _, depth = peel(loaded, view, 1, spp=0, seed=seed)
-        color = render(loaded, view, "perspective", spp=squared(spp), seed=seed)
+        _, depth = peel(scene, view, 1, spp=0, seed=seed)
+        color = render(scene, view, "perspective", spp=squared(spp), seed=seed, advance=advance)
         return Capture(color, depth[0], lens, supersample, overscan)
-    color, depth = peel(loaded, view, layers, spp=spp, seed=seed)
+    color, depth = peel(scene, view, layers, spp=spp, seed=seed)
     if spp > 1:
-        means = render(loaded, view, "perspective", spp=squared(spp), seed=seed)
+        means = render(scene, view, "perspective", spp=squared(spp), seed=seed, advance=advance)
         color[0] = averaged(color[0], depth[0], means)
     return Capture(color, depth, lens, supersample, overscan)
+
+
+def specular_shapes(scene: Any) -> list[str]:
+    """Name the shapes of a scene that show something else than themselves: glass and mirrors."""
+    seen_in = (mi.BSDFFlags.DeltaReflection, mi.BSDFFlags.DeltaTransmission, mi.BSDFFlags.GlossyTransmission)
+    own = (mi.BSDFFlags.DiffuseReflection, mi.BSDFFlags.DiffuseTransmission)
+    found = []
+    for shape in scene.shapes():
+        if (bsdf := shape.bsdf()) is None:
+            continue
+        flags = bsdf.flags()
+        if any(mi.has_flag(flags, one) for one in seen_in) and not any(
+            mi.has_flag(flags, one) for one in own
+        ):
+            found.append(f"{shape.id()} ({bsdf.class_name()})")
+    return sorted(found)
 
 
 def averaged(

@@ -13,6 +13,9 @@ from ._view import View
 
 __all__ = ["peel"]
 
+# The share of light that passes through a surface unbent, from which on it is not there.
+_PASSING = 0.5
+
 Layers = tuple[NDArray[np.float32], NDArray[np.float32]]
 
 
@@ -20,7 +23,10 @@ def peel(scene: Any, view: View, layers: int, *, spp: int, seed: int) -> Layers:
     """Sample colour and depth of the surfaces behind each pixel's centre, nearest first.
 
     Behind the first one, surfaces seen from behind are passed through: they are the insides of solids, which
-    no lens can see. The environment is a last surface at infinity.
+    no lens can see. Cards with a ``mask`` are no solids, and count from both sides. Where more than half of
+    the light passes through a surface unbent, as through the transparent part of a mask, it is not there: the
+    outline of a filtered mask is where its opacity is one half. The environment is a last surface at
+    infinity.
 
     Parameters
     ----------
@@ -73,7 +79,11 @@ def _along_ray(scene: Any, ray: Any, sampler: Any, layers: int, spp: int) -> Ite
         is_surface = hit.is_valid()
         if not is_surface and scene.environment() is None:
             return
-        if not is_surface or hit.wi.z > 0.0 or found == 0:
+        is_mask = is_surface and mi.has_flag(hit.bsdf(ray).flags(), mi.BSDFFlags.Null)
+        if is_mask and sum(hit.bsdf(ray).eval_null_transmission(hit)) > _PASSING * 3.0:
+            ray = hit.spawn_ray(ray.d)
+            continue
+        if not is_surface or hit.wi.z > 0.0 or is_mask or found == 0:
             rgb = mi.Color3f(0.0)
             for _ in range(spp):
                 rgb += scene.integrator().sample(scene, sampler, ray)[0] / spp
@@ -103,7 +113,10 @@ def _peel_wavefront(scene: Any, view: View, layers: int, spp: int, seed: int) ->
     while True:
         hit = scene.ray_intersect(ray, alive)
         surface = alive & hit.is_valid()
-        outside = surface & ((hit.wi.z > 0.0) | mi.Bool(found == 0))
+        bsdf = hit.bsdf(ray)
+        mask = surface & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Null)
+        passing = mask & (dr.mean(bsdf.eval_null_transmission(hit, mask)) > _PASSING)
+        outside = surface & ~passing & ((hit.wi.z > 0.0) | mask | mi.Bool(found == 0))
         counts = outside | (alive & ~surface) if has_environment else outside
         rgb = _radiance(scene, ray, counts, count, spp, seed)
         now, solid = np.array(counts), np.array(outside)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import atan, degrees, radians, tan
 from os import PathLike, fspath
@@ -68,6 +69,8 @@ class View:
             If there is no such sensor, it has no field of view, or its film is cropped.
         """
         sensors = scene.sensors()
+        if not sensors:
+            raise ValueError("the scene has no sensor; add a thinlens, or a perspective one for a pinhole")
         if not 0 <= index < len(sensors):
             raise ValueError(f"sensor must be one of the scene's {len(sensors)}; got {index}")
         sensor = sensors[index]
@@ -145,9 +148,18 @@ class View:
 
 
 def render(
-    scene: Any, view: View, kind: Literal["perspective", "thinlens"], *, spp: int, seed: int
+    scene: Any,
+    view: View,
+    kind: Literal["perspective", "thinlens"],
+    *,
+    spp: int,
+    seed: int,
+    advance: Callable[[int], object] = lambda samples: None,
 ) -> NDArray[np.float32]:
-    """Render (height, width, 3) linear colours, averaged over each pixel's square."""
+    """Render (height, width, 3) linear colours, averaged over each pixel's square.
+
+    After each launch, ``advance`` is told its number of samples.
+    """
     # All of a pixel's samples go into one launch, whose multi-jittered set covers pixel and lens evenly; it
     # is the rows that are split up.
     width, height = view.size
@@ -158,4 +170,5 @@ def render(
         picture = np.array(mi.render(scene, sensor=sensor, spp=spp, seed=seed * 100_003 + top))
         # Integrators that give more put the colours first.
         bands.append(picture[..., :3].astype(np.float32))
+        advance(spp * width * len(picture))
     return np.concatenate(bands)
