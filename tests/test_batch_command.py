@@ -12,7 +12,7 @@ import dofsim
 import numpy as np
 import pytest
 from dofsim import io
-from dofsim.batch import read_manifest
+from dofsim.batch import pair_files, read_manifest
 from dofsim.cli import run
 from interrupts import HANG_S
 
@@ -53,7 +53,8 @@ def batch(*arguments):
 
 
 def contents(folder):
-    return {p.name: p.read_bytes() for p in Path(folder).iterdir() if p.name != "failures.jsonl"}
+    runs = ("failures.jsonl", "summary.json")
+    return {p.name: p.read_bytes() for p in Path(folder).iterdir() if p.name not in runs}
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -61,16 +62,17 @@ def test_bad_frames_are_named_and_the_others_written(data, capsys, workers):
     options = ["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--workers", workers]
     assert batch(*options) == 1
     out, err = capsys.readouterr()
-    assert "out: 47 written, 0 there already, 3 failed" in out
+    assert out == ""
+    assert "out: 47 written, 0 there already, 3 failed" in err
     lines = [line for line in err.splitlines() if line.startswith("dofsim: ")]
     assert [line.split(": ")[1] for line in lines] == ["out/0007.exr", "out/0020.exr", "out/0033.exr"]
     assert len(list(Path("out").glob("*.exr"))) == 47
     failures = [json.loads(line) for line in Path("out/failures.jsonl").read_text().splitlines()]
     assert [Path(failure["output"]).stem for failure in failures] == ["0007", "0020", "0033"]
     assert batch(*options) == 1
-    assert "0 written, 47 there already, 3 failed" in capsys.readouterr().out
+    assert "0 written, 47 there already, 3 failed" in capsys.readouterr().err
     assert batch(*options, "--no-resume") == 1
-    assert "47 written" in capsys.readouterr().out
+    assert "47 written" in capsys.readouterr().err
 
 
 def test_workers_give_the_same_bits(few):
@@ -96,7 +98,7 @@ def test_a_frame_is_what_render_writes(few, capsys):
     assert batch("rgb", "depth", "-o", "out", *options) == 0
     assert run(["render", "rgb/0002.exr", "depth/0002_depth.pfm", "-o", "one.exr", *options]) == 0
     assert Path("out/0002.exr").read_bytes() == Path("one.exr").read_bytes()
-    assert capsys.readouterr().err == ""
+    assert "dofsim: " not in capsys.readouterr().err
 
 
 def test_pictures_with_depth_and_files_without_partner(few, capsys):
@@ -111,19 +113,19 @@ def test_pictures_with_depth_and_files_without_partner(few, capsys):
     # Results are no frames.
     capsys.readouterr()
     assert batch("both", "-o", "both/out", *LENS_OPTIONS) == 0
-    assert "0 written, 1 there already" in capsys.readouterr().out
+    assert "0 written, 1 there already" in capsys.readouterr().err
     Path("depth/0003_depth.pfm").unlink()
     assert batch("rgb", "depth", "-o", "out", *LENS_OPTIONS) == 0
-    out, err = capsys.readouterr()
-    assert err == "dofsim: rgb/0003.exr: has no partner and is left out\n"
-    assert "3 written" in out
+    err = capsys.readouterr().err
+    assert err.startswith("dofsim: rgb/0003.exr: has no partner and is left out\n")
+    assert "3 written" in err
 
 
 def test_random_lenses_are_in_range_recorded_and_seeded(few):
     def lenses(folder, *extra):
         options = ["--focal-length-mm", "50", "--random-f-number", "1.4,8", "--random-focus", *extra]
         assert batch("rgb", "depth", "-o", folder, *options) == 0
-        records = [json.loads(path.read_text()) for path in sorted(Path(folder).glob("*.json"))]
+        records = [json.loads(path.read_text()) for path in sorted(Path(folder).glob("*.exr.json"))]
         return [(one["lens"]["f_number"], tuple(one["focus_at"])) for one in records], records
 
     first, records = lenses("a")
@@ -252,7 +254,7 @@ def test_manifests_that_are_none(tmp_path, name, text, message):
         (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--method", "lense"], 'got "lense"'),
         (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--set", "taps=3"], "taps"),
         (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--preset", "mitsuba"], "near"),
-        (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--outputs", "coc", "--overscan", "2"], "overscan=0"),
+        (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--outputs", "coc", "--overscan", "2"], "--overscan 0"),
         (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--format", "png", "--dtype", "half"], "--dtype half"),
     ],
 )
@@ -354,7 +356,7 @@ def test_ctrl_c_ends_cleanly_and_the_next_run_resumes(data, capsys, workers):
     assert 2 <= done < 47
     assert not list(Path("out").glob(".*"))
     assert batch(*arguments, "-o", "out") == 1
-    assert f"{47 - done} written, {done} there already, 3 failed" in capsys.readouterr().out
+    assert f"{47 - done} written, {done} there already, 3 failed" in capsys.readouterr().err
 
 
 # A frame whose picture is to end whoever reads it, as one does that takes more memory than there is, while
@@ -388,7 +390,7 @@ def test_a_frame_that_kills_its_worker_is_one_failure(few):
     for skipped in (0, 3):
         result = run_deadly(*arguments)
         assert result.returncode == 1
-        assert f"{3 - skipped} written, {skipped} there already, 1 failed" in result.stdout
+        assert f"{3 - skipped} written, {skipped} there already, 1 failed" in result.stderr
         (failure,) = map(json.loads, Path("out/failures.jsonl").read_text().splitlines())
         assert failure["color"] == str(Path("rgb/0001.exr"))
         assert failure["error"].startswith("the process that computed it was killed")
@@ -401,7 +403,7 @@ def test_a_frame_that_kills_the_run_is_computed_apart_the_next_time(few):
     assert run_deadly(*arguments).returncode == 1
     assert not Path("out/failures.jsonl").exists()
     result = run_deadly(*arguments)
-    assert ", 1 failed" in result.stdout
+    assert ", 1 failed" in result.stderr
     assert len(list(Path("out").glob("*.exr"))) == 3
     assert not list(Path("out").glob(".*"))
 
@@ -447,7 +449,7 @@ def test_results_beside_their_inputs_are_resumed_or_refused(few, capsys, argumen
     else:
         capsys.readouterr()
         assert batch(*arguments, *LENS_OPTIONS) == 0
-        assert "0 written, 4 there already" in capsys.readouterr().out
+        assert "0 written, 4 there already" in capsys.readouterr().err
 
 
 def test_names_as_long_as_the_file_system_has_them(few, capsys):
@@ -466,9 +468,9 @@ def test_names_as_long_as_the_file_system_has_them(few, capsys):
         "2",
     ]
     assert batch(*arguments) == 0
-    assert len(list(Path("out").iterdir())) == 4 * 5
+    assert len(list(Path("out").iterdir())) == 4 * 5 + 1
     assert batch(*arguments) == 0
-    assert "0 written, 4 there already" in capsys.readouterr().out
+    assert "0 written, 4 there already" in capsys.readouterr().err
 
 
 def test_one_bad_pixel_does_not_cost_a_frame(few, capsys):
@@ -561,6 +563,127 @@ def test_workers_end_with_a_killed_run_and_its_unfinished_files_go(data, capsys)
     other.touch()
     done = records()
     assert batch(*arguments, "-o", "out") == 1
-    assert f"{47 - done} written, {done} there already" in capsys.readouterr().out
+    assert f"{47 - done} written, {done} there already" in capsys.readouterr().err
     assert not left.exists()
     assert other.exists()
+
+
+# Sequences, and a first look
+
+
+@pytest.fixture
+def shots(tmp_path, monkeypatch):
+    """Go to a folder with two sequences in one folder, and with what is not of them."""
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(3)
+    Path("shots").mkdir()
+    for number in (1, 2, 10, 12345):
+        io.write_image(f"shots/shot.beauty.{number:04}.exr", rng.random((HEIGHT, WIDTH, 3), dtype=np.float32))
+        io.write_depth(f"shots/shot.depth.{number:04}.exr", rng.uniform(2, 9, (HEIGHT, WIDTH)))
+    io.write_image("shots/shot.beauty.still.exr", np.ones((HEIGHT, WIDTH, 3), np.float32))
+    return tmp_path
+
+
+@pytest.mark.parametrize("number", ["####", "%04d", "#", "%d"])
+def test_sequences_are_paired_by_number_and_a_word(shots, capsys, number):
+    color, depth = (f"shots/shot.{word}.{number}.exr" for word in ("beauty", "depth"))
+    assert batch(color, depth, "-o", "out", *LENS_OPTIONS) == 0
+    names = [f"shot.beauty.{one}.exr" for one in ("0001", "0002", "0010", "12345")]
+    assert sorted(path.name for path in Path("out").glob("*.exr")) == sorted(names)
+    record = json.loads(Path("out/shot.beauty.0010.exr.json").read_text())
+    assert record["depth"] == "shots/shot.depth.0010.exr"
+    assert "4 written" in capsys.readouterr().err
+
+
+def test_a_number_in_a_pattern_has_so_many_digits(shots):
+    found = pair_files("shots/shot.beauty.#####.exr")
+    assert list(found.pairs) == ["shot.beauty.12345"]
+    assert pair_files("sh*s/shot.beauty.##*.exr").pairs.keys() >= {"shots/shot.beauty.0001"}
+
+
+def test_names_that_differ_in_a_word_are_paired_only_where_there_is_no_choice(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for folder in ("a", "b"):
+        Path(folder).mkdir()
+    for name in ("a/x_rgb_01.png", "a/y_01.png", "b/x_depth_01.png", "b/y_depth_01.png", "b/y_left_01.png"):
+        Path(name).touch()
+    found = pair_files("a", "b")
+    assert {name: depth.name for name, (_, depth) in found.pairs.items()} == {"x_rgb_01": "x_depth_01.png"}
+    assert [path.name for path in found.unmatched] == ["y_01.png", "y_depth_01.png", "y_left_01.png"]
+    # Numbers are no such word.
+    for path in (*Path("a").iterdir(), *Path("b").iterdir()):
+        path.unlink()
+    Path("a/shot_0001.png").touch()
+    Path("b/shot_0002.png").touch()
+    with pytest.raises(ValueError, match="none of 1 files of a has the name") as caught:
+        pair_files("a", "b")
+    assert f"the nearest two are {Path('a/shot_0001.png')} and {Path('b/shot_0002.png')}" in str(caught.value)
+    assert "manifest" in str(caught.value)
+
+
+def test_a_dry_run_writes_nothing_and_checks_all(few, capsys):
+    assert batch("rgb", "depth", "-o", "out", *LENS_OPTIONS, "--dry-run") == 0
+    out, err = capsys.readouterr()
+    assert out.splitlines()[1] == "rgb/0001.exr + depth/0001_depth.pfm -> out/0001.exr"
+    assert len(out.splitlines()) == 4
+    assert "4 frames; nothing was written" in err
+    assert not Path("out").exists()
+    assert batch("rgb", "depth", "-o", "out", *LENS_OPTIONS, "--dry-run", "--method", "fast") == 2
+
+
+def test_the_first_frames_alone(few, capsys):
+    assert batch("rgb", "depth", "-o", "out", *LENS_OPTIONS, "--limit", "2") == 0
+    assert sorted(path.name for path in Path("out").glob("*.exr")) == ["0000.exr", "0001.exr"]
+    assert "2 written" in capsys.readouterr().err
+
+
+def test_an_output_keeps_its_suffix(few):
+    Path("frames.csv").write_text(
+        "color,depth,output\nrgb/0000.exr,depth/0000_depth.pfm,a/b.png\nrgb/0001.exr,depth/0001_depth.pfm,c.d\n"
+    )
+    assert batch("--manifest", "frames.csv", "-o", "out", *LENS_OPTIONS) == 0
+    assert io.read_color("out/a/b.png").transfer == "srgb"
+    assert Path("out/c.d.exr").is_file()
+
+
+def test_the_distribution_of_the_blur_is_said_and_recorded(few, capsys):
+    assert batch("rgb", "depth", "-o", "out", *LENS_OPTIONS) == 0
+    said = capsys.readouterr().err
+    assert "largest blur radius of a frame: " in said
+    largest = []
+    for index in range(4):
+        depth = io.read_depth(f"depth/{index:04}_depth.pfm")
+        radius = np.abs(dofsim.coc(depth, dofsim.Lens(**LENS)))
+        record = json.loads(Path(f"out/{index:04}.exr.json").read_text())
+        assert record["blur_radius_px"]["max"] == pytest.approx(radius.max(), abs=1e-3)
+        assert record["blur_radius_px"]["median"] == pytest.approx(np.median(radius), abs=1e-3)
+        assert record["depth_range"] == pytest.approx([depth.min(), depth.max()])
+        largest.append(radius.max())
+    summary = json.loads(Path("out/summary.json").read_text())
+    assert summary["frames"] == 4
+    assert summary["largest_blur_radius_px"]["median"] == pytest.approx(np.median(largest), rel=1e-2)
+    # Frames that were there already count, too.
+    Path("out/summary.json").unlink()
+    assert batch("rgb", "depth", "-o", "out", *LENS_OPTIONS) == 0
+    assert json.loads(Path("out/summary.json").read_text()) == summary
+
+
+def test_a_batch_without_blur_is_warned_of(few, capsys):
+    tiny = ["--aperture-radius", "1e-6", "--focus-distance", "3", "--fov", "40"]
+    assert batch("rgb", "depth", "-o", "out", *tiny) == 0
+    assert (
+        "dofsim: 4 of 4 frames, the first is 0000.exr: the blur is too small to see"
+        in capsys.readouterr().err
+    )
+
+
+def test_depth_of_integers_needs_a_meaning_in_a_batch(few, capsys):
+    for path in Path("depth").iterdir():
+        io.write_depth(f"{path.stem}.png", io.read_depth(path), scale=0.001)
+        path.unlink()
+        Path(f"{path.stem}.png").rename(f"depth/{path.stem}.png")
+    assert batch("rgb", "depth", "-o", "out", *LENS_OPTIONS) == 1
+    err = capsys.readouterr().err
+    assert err.count("--depth-scale 0.001 for millimetres") == 4
+    assert not list(Path("out").glob("*.exr"))
+    assert batch("rgb", "depth", "-o", "out", *LENS_OPTIONS, "--depth-scale", "0.001") == 0

@@ -47,7 +47,7 @@ def batch(*arguments):
 def test_a_local_cluster_gives_the_same_bits(data, capsys):
     assert batch("rgb", "depth", "-o", "here", *LENS_OPTIONS) == 0
     assert batch("rgb", "depth", "-o", "there", *LENS_OPTIONS, "--dask", "local", "--workers", 2) == 0
-    assert f"{COUNT} written" in capsys.readouterr().out
+    assert f"{COUNT} written" in capsys.readouterr().err
     assert contents("here") == contents("there")
 
 
@@ -59,7 +59,7 @@ def test_a_scheduler_elsewhere_works_on_absolute_paths(data, capsys):
         assert batch("rgb", "depth", "-o", "out", *LENS_OPTIONS, "--dask", address) == 0
         assert str(data / "rgb") in Path("out/0000.exr.json").read_text()
         assert batch("rgb", "depth", "-o", "out", *LENS_OPTIONS, "--dask", address) == 0
-        assert f"{COUNT} there already" in capsys.readouterr().out
+        assert f"{COUNT} there already" in capsys.readouterr().err
         assert batch("rgb", "depth", "-o", "out", *LENS_OPTIONS, "--dask", address, "--workers", 2) == 2
     assert "--workers is for this machine" in capsys.readouterr().err
 

@@ -43,9 +43,9 @@ def start(folder, workers=2):
     command = [sys.executable, "-c", "from dofsim.cli import main; main()", "batch"]
     return subprocess.Popen(
         [*command, "rgb", "depth", "-o", folder, *OPTIONS, "--workers", str(workers)],
-        stdout=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
         text=True,
-        stderr=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
         start_new_session=True,
     )
 
@@ -105,7 +105,7 @@ def test_two_batches_at_once_write_what_one_does(expected):
     for number in range(PAIRS):
         folder = f"out{number}"
         runs = [start(folder, 1), start(folder, 2)]
-        said = "".join(run.communicate(timeout=HANG_S)[0] for run in runs)
+        said = "".join(run.communicate(timeout=HANG_S)[1] for run in runs)
         # Whoever comes second is told so, unless the first one has ended.
         statuses = sorted(run.returncode for run in runs)
         assert statuses in ([0, 0], [0, 2])

@@ -1,14 +1,18 @@
 """The `dofsim` command: what it writes, what it prints, what it refuses and how."""
 
 import dataclasses
+import os
 import subprocess
 import sys
+import time
+from itertools import pairwise
+from pathlib import Path
 
 import dofsim
 import numpy as np
 import pytest
 import typer
-from dofsim import _command_options, cli, io
+from dofsim import _command_options, _console, cli, io
 from dofsim.cli import run
 
 LENS = {"aperture_radius": 0.03, "focus_distance": 3.0, "fov": 40.0}
@@ -82,7 +86,11 @@ def test_usage_errors(scene, capsys, arguments, message):
 def test_render_writes_what_the_function_gives(scene, capsys):
     color, depth = scene
     assert run(["render", "a.exr", "-o", "o.exr", *LENS_OPTIONS]) == 0
-    assert capsys.readouterr().out.startswith(f"o.exr: {WIDTH} x {HEIGHT}, rendered in 0.")
+    out, err = capsys.readouterr()
+    assert out == ""
+    said = f"o.exr: {WIDTH} x {HEIGHT}, depth 1.5 to 6 m and infinity, focus 3 m, blur radius 0.4 to 0.9 px, "
+    assert err.startswith(said)
+    assert err.count("\n") == 1
     expected = dofsim.render(color, depth, dofsim.Lens(**LENS))
     np.testing.assert_array_equal(io.read_color("o.exr").pixels, expected)
     assert np.abs(expected - color).max() > 0.1
@@ -150,6 +158,8 @@ def test_render_passes_every_option_on(scene, monkeypatch):
         return color
 
     monkeypatch.setattr(dofsim, "render", render)
+    # The planes of a z-buffer, which a distance does not go with.
+    monkeypatch.setattr("dofsim._report.coc", lambda depth, *_, **__: 0.0 * depth)
     extra = {
         "--method": "lens", "--device": "cpu", "--blades": "6", "--rotation": "15", "--near": "0.5",
         "--far": "20", "--depth-kind": "distance", "--invalid": "far", "--overscan": "2",
@@ -179,7 +189,7 @@ def test_coc_takes_a_range_in_focus_and_a_bound(scene, capsys):
     assert run(["coc", *arguments]) == 0
     lens = dofsim.Lens(**LENS).replace(in_focus=(2.0, np.inf))
     np.testing.assert_array_equal(io.read_exr("coc.exr")["coc"], dofsim.coc(depth, lens, max_coc_px=0.4))
-    assert "radius from" in capsys.readouterr().out
+    assert "focus 2 m to infinity" in capsys.readouterr().err
 
 
 def test_options_of_a_method_are_toml_or_words(scene):
@@ -259,20 +269,20 @@ def test_ambiguous_files_list_their_channels(scene, capsys):
         (
             ["a.exr", "-o", "o.exr", "--lens", "odd.toml"],
             2,
-            "odd.toml: an aperture has no wings; it has",
+            'odd.toml: [aperture] has no "wings"; it has blades',
         ),
         (["a.exr", "-o", "o.exr", "--set", f"views={'[' * 9999}"], 2, "views must be a whole number"),
         (["a.exr", "-o", "iris.png", "--lens", "iris.toml"], 2, "iris.png: is one of the inputs"),
         (["a.exr", "-o", "o.exr", "--supersample", "7"], 2, "supersample"),
         (["a.exr", "-o", "o.exr", "--method", "fast"], 2, 'method must be one of "lens"'),
-        (["a.exr", "-o", "o.exr", "--set", "variant=six"], 2, "variant is not an option of method"),
+        (["a.exr", "-o", "o.exr", "--set", "variant=six"], 2, "variant is not an option of --method lens"),
         (["a.exr", "-o", "o.exr", "--method", "taps", "--set", "variant=ten"], 2, "variant must be one of"),
         (["a.exr", "-o", "o.exr", "--set", "views"], 2, "--set takes NAME=VALUE; got 'views'"),
         (["a.exr", "-o", "o.exr", "--set", "views=64", "--set", "views=32"], 2, "views is given twice"),
         (
             ["a.exr", "-o", "o.exr", "--set", "overscan=1"],
             2,
-            "multiple values for keyword argument 'overscan'",
+            "--set overscan: it is an option of its own, --overscan",
         ),
         (["a.exr", "-o", "o.exr", "--focus-at", "3"], 2, "--focus-at takes a column and a row"),
         (["a.exr", "-o", "o.exr", "--focus-at", "64,0"], 2, "--focus-at: x must lie within 64"),
@@ -401,7 +411,9 @@ def test_coc_as_numbers(scene, capsys):
     expected = dofsim.coc(depth, dofsim.Lens(**LENS))
     assert run(["coc", "a.exr", "-o", "coc.exr", *LENS_OPTIONS]) == 0
     low, high = expected.min(), expected.max()
-    assert capsys.readouterr().out == f"coc.exr: radius from {low:+.2f} px (near) to {high:+.2f} px (far)\n"
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.endswith(f"signed radius {low:+.2f} px (near) to {high:+.2f} px (far)\n")
     np.testing.assert_array_equal(io.read_exr("coc.exr")["coc"], expected)
     assert run(["coc", "z.pfm", "-o", "coc.npy", *LENS_OPTIONS]) == 0
     np.testing.assert_array_equal(np.load("coc.npy"), expected)
@@ -500,7 +512,7 @@ def test_compare_refuses(scene, capsys):
 def test_missing_packages_are_named(scene, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     message = fails(capsys, 1, "coc", "z.pfm", "-o", "o.png", *LENS_OPTIONS)
-    assert "pip install dofsim[metrics]" in message
+    assert "pip install '.[metrics]'" in message
 
 
 # Options that commands share
@@ -521,3 +533,178 @@ def test_a_command_has_each_option_of_its_groups_once(command, groups):
         own = [field.name for field in dataclasses.fields(getattr(_command_options, group))]
         first = found.index(own[0])
         assert found[first : first + len(own)] == own
+
+
+# Help, and words
+
+
+def plain(*arguments):
+    """Run the command in a process of its own, on a terminal of 80 columns."""
+    environment = {**os.environ, "COLUMNS": "80"}
+    command = [sys.executable, "-m", "dofsim", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+
+
+COMMANDS = ("render", "coc", "batch", "compare", "devices", "help", "demo")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_fits_a_terminal_and_shows_all_of_itself(command):
+    shown = [plain(command, "--help"), plain(command, "-h"), plain("help", command)]
+    assert {(one.returncode, one.stdout) for one in shown} == {(0, shown[0].stdout)}
+    text = shown[0].stdout
+    assert max(map(len, text.splitlines())) <= 80
+    # No type of a flag, no markup.
+    assert "<" not in text
+    assert "bool" not in text
+    assert ("[aperture]" in text) == (command in ("render", "coc", "batch"))
+    # Lines are as full as their next word allows.
+    for paragraph in text.split("\n\n")[1:2]:
+        lines = [line.strip() for line in paragraph.splitlines()]
+        for line, following in pairwise(lines):
+            assert len(line) + 1 + len(following.split()[0]) > 74
+
+
+def test_without_a_word_the_commands_are_listed():
+    shown = plain()
+    assert shown.returncode == 2
+    assert all(f"\n  {command} " in shown.stderr for command in COMMANDS)
+    assert plain("help").stdout == plain("--help").stdout == shown.stderr
+
+
+def test_completion_can_be_had():
+    shown = plain("--show-completion", "bash")
+    assert "_dofsim_completion" in shown.stdout
+    environment = {
+        **os.environ,
+        "_DOFSIM_COMPLETE": "complete_bash",
+        "COMP_WORDS": "dofsim ren",
+        "COMP_CWORD": "1",
+    }
+    command = [sys.executable, "-m", "dofsim"]
+    completed = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    assert "render" in completed.stdout
+
+
+def test_a_photograph_with_relative_depth(scene, capsys):
+    _, depth = scene
+    disparity = np.where(np.isinf(depth), 0.0, 1.0 / depth)
+    np.save("d.npy", (40 + 900 * disparity).astype(np.float32))
+    words = ["--depth-kind", "relative", "--strength-percent", "8"]
+    assert run(["render", "a.png", "d.npy", "-o", "o.png", *words, "--focus", "0.2"]) == 0
+    said = capsys.readouterr().err
+    assert "relative disparity 40 to 640 (taken as 0 to 1), focus at disparity 0.2, blur radius" in said
+    assert " m," not in said
+    lens = dofsim.Lens.from_disparity(strength_percent=8, focus=0.2)
+    codes = io.read_color("a.png").pixels
+    expected = dofsim.render(codes, np.load("d.npy"), lens, depth_kind="relative", transfer="srgb")
+    assert np.abs(io.read_color("o.png").pixels.astype(int) - expected.astype(int)).max() <= 1
+    message = fails(capsys, 2, "render", "a.png", "d.npy", "-o", "o.png", *words)
+    assert "--focus missing. Give it, --focus-at X,Y or --in-focus" in message
+
+
+@pytest.mark.parametrize("dtype", ["uint8", "uint16"])
+def test_integers_are_taken_for_nothing_by_themselves(scene, capsys, dtype):
+    codes = (np.arange(HEIGHT * WIDTH).reshape(HEIGHT, WIDTH) % 200 + 40).astype(dtype)
+    io.write_image("z.png", codes, transfer="linear", dtype=dtype)
+    codes = io.read_depth("z.png", scale=1)
+    arguments = ["render", "a.png", "z.png", "-o", "o.png"]
+    message = fails(capsys, 2, *arguments, *LENS_OPTIONS)
+    for way in ("--depth-kind relative", "--depth-scale 0.001", "--preset NAME", "kitti"):
+        assert way in message
+    assert "--depth-kind relative" in fails(capsys, 2, "coc", "z.png", "-o", "c.exr", *LENS_OPTIONS)
+    for ways in (["--depth-scale", "0.05"], ["--preset", "kitti"], ["--depth-kind", "z"]):
+        assert run([*arguments, *LENS_OPTIONS, *ways]) == 0
+    relative = ["--depth-kind", "relative", "--strength-px", "3", "--focus", "0"]
+    assert run([*arguments, *relative]) == 0
+
+
+def test_errors_speak_of_options(scene, capsys):
+    io.write_image("nan.exr", np.ones((4, 5, 3)), depth=np.full((4, 5), np.nan))
+    message = fails(capsys, 2, "render", "nan.exr", "-o", "o.exr", *LENS_OPTIONS)
+    assert "pass --invalid far" in message
+    words = ["--depth-kind", "relative"]
+    message = fails(capsys, 2, "render", "a.exr", "-o", "o.exr", *LENS_OPTIONS, *words)
+    assert "--depth-kind relative" in message
+    assert "--strength-percent" in message
+    assert "from_disparity" not in message
+    message = fails(capsys, 2, "render", "a.exr", "-o", "o.exr", *LENS_OPTIONS, "--supersample", "7")
+    assert "--supersample 7 must divide" in message
+    Path("lens.toml").write_text("colour = 3\n")
+    message = fails(capsys, 2, "render", "a.exr", "-o", "o.exr", "--lens", "lens.toml")
+    assert 'lens.toml: a lens has no "colour"; it has aperture_radius' in message
+    io.write_depth("small.pfm", np.ones((5, 4)))
+    message = fails(capsys, 2, "render", "a.png", "small.pfm", "-o", "o.exr", *LENS_OPTIONS)
+    assert f"the picture is {WIDTH} x {HEIGHT}, its depth 4 x 5" in message
+
+
+# What was done, and what is suspicious
+
+
+def test_quiet_and_verbose(scene, capsys):
+    assert run(["render", "a.exr", "-o", "o.exr", *LENS_OPTIONS, "-q"]) == 0
+    assert capsys.readouterr() == ("", "")
+    assert run(["render", "a.exr", "-o", "o.exr", *LENS_OPTIONS, "-v"]) == 0
+    assert "o.exr: " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("depth", "lens", "said"),
+    [
+        (6.0, {"aperture_radius": 1e-5}, "the blur is too small to see: its radius is at most 0.000"),
+        (6.0, {"aperture_radius": 0.5}, "the blur is very wide: its radius reaches 7 px, 11% of the width"),
+        (6.0, {}, "the depth is 6 m everywhere"),
+        (
+            "whole",
+            {},
+            "whole numbers only, 40 to 239, and is taken for metres. Is it millimetres (--depth-scale",
+        ),
+    ],
+)
+def test_what_is_suspicious_is_said(scene, capsys, depth, lens, said):
+    values = np.full((HEIGHT, WIDTH), 6.0) if depth == 6.0 else np.arange(HEIGHT * WIDTH) % 200 + 40
+    np.save("d.npy", values.reshape(HEIGHT, WIDTH).astype(np.float32))
+    words = [
+        word for name, value in (LENS | lens).items() for word in (f"--{name.replace('_', '-')}", str(value))
+    ]
+    assert run(["render", "a.png", "d.npy", "-o", "o.png", *words]) == 0
+    warned = [line for line in capsys.readouterr().err.splitlines() if line.startswith("dofsim: ")]
+    assert any(said in line for line in warned), warned
+
+
+def test_the_library_tells_its_logger(caplog):
+    color, depth = np.ones((24, 32, 3), np.float32), np.linspace(1, 9, 24 * 32).reshape(24, 32)
+    lens = dofsim.Lens(**LENS | {"aperture_radius": 0.1})
+    dofsim.render(color, depth, lens)
+    assert caplog.records == []
+    with caplog.at_level("INFO", logger="dofsim"):
+        dofsim.render(color, depth, lens, overscan=2, depth_kind="distance")
+    (record,) = caplog.records
+    assert record.name == "dofsim.render"
+    assert "distance along the ray 1." in record.getMessage()
+    assert "focus 3 m, blur radius 0 to" in record.getMessage()
+
+
+def test_a_long_render_says_that_it_goes_on(monkeypatch, capsys):
+    monkeypatch.setattr(_console, "_FIRST_WORD_S", 0.05)
+    with _console.to_stderr(), _console.patience((3000, 4000, 3), "lens"):
+        time.sleep(0.3)
+    lines = capsys.readouterr().err.splitlines()
+    assert 1 <= len(lines) <= 3
+    assert lines[0].startswith("rendering 4000 x 3000 for ")
+    assert "--method gaussian" in lines[0]
+    with _console.to_stderr(), _console.patience((3000, 4000, 3), "lens"):
+        pass
+    assert capsys.readouterr().err == ""
+
+
+def test_devices_are_listed_without_the_noise_of_drivers():
+    code = (
+        "import os, dofsim; from dofsim import cli; "
+        "dofsim.devices = lambda: os.write(2, b'MESA: error\\n') and []; cli.run(['devices'{}])"
+    )
+    for more, noise in (("", ""), (", '-v'", "MESA: error\n")):
+        command = [sys.executable, "-c", code.format(more)]
+        shown = subprocess.run(command, capture_output=True, text=True, check=True)
+        assert shown.stderr == noise
+        assert "There is no GPU" in shown.stdout

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 import time
 from collections import Counter
@@ -15,12 +16,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from . import _command_options as options
-from . import _options
+from . import _console, _options
 from ._names import printable
 
 if TYPE_CHECKING:
     from .batch import Frame, Row
     from .batch.workers import Workers
+
+log = logging.getLogger("dofsim")
 
 _FRAMES = "Frames"
 _OUTPUTS = "Outputs"
@@ -33,15 +36,24 @@ def batch_command(
     *,
     output: options.OutputFolder,
     color: Annotated[
-        str | None, typer.Argument(help="The pictures: a folder, a pattern in quotes, or a file.")
+        str | None,
+        typer.Argument(
+            metavar="COLOR",
+            help="The pictures: a folder, a file, or a pattern in quotes, such as 'shot.beauty.####.exr', "
+            "'%04d.png' or '*/rgb/*.png'.",
+        ),
     ] = None,
     depth: Annotated[
         str | None,
-        typer.Argument(help="The depth maps, likewise; without it they are in the pictures' files."),
+        typer.Argument(
+            metavar="DEPTH",
+            help="The depth maps, likewise. Without it they are in the files of the pictures.",
+        ),
     ] = None,
     manifest: Annotated[
         Path | None,
         typer.Option(
+            metavar="FILE",
             help="CSV or JSON lines in place of COLOR and DEPTH: color, depth, output, focus_at and the "
             "words of the lens; paths are relative to it, and its words win.",
             rich_help_panel=_FRAMES,
@@ -57,8 +69,25 @@ def batch_command(
     ] = True,
     workers: Annotated[
         int,
-        typer.Option(min=1, help="Processes to work in; they share the threads.", rich_help_panel=_FRAMES),
+        typer.Option(
+            min=1, metavar="N", help="Processes to work in; they share the threads.", rich_help_panel=_FRAMES
+        ),
     ] = 1,
+    limit: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            metavar="N",
+            help="Take the first N frames only, to try the options.",
+            rich_help_panel=_FRAMES,
+        ),
+    ] = None,
+    dry_run: Annotated[
+        bool,
+        typer.Option(
+            "--dry-run", help="List the frames, check the options and write nothing.", rich_help_panel=_FRAMES
+        ),
+    ] = False,
     dask: Annotated[
         str | None,
         typer.Option(
@@ -71,6 +100,7 @@ def batch_command(
     outputs: Annotated[
         str,
         typer.Option(
+            metavar="NAMES",
             help="What to write, with commas between: picture, coc (signed radius in pixels, EXR), mask "
             "(what is within the depth of field, PNG), stack. The parameters are always written, as JSON.",
             rich_help_panel=_OUTPUTS,
@@ -78,12 +108,18 @@ def batch_command(
     ] = "picture",
     suffix: Annotated[
         str,
-        typer.Option("--format", help="Format of the pictures: exr, png, tiff...", rich_help_panel=_OUTPUTS),
+        typer.Option(
+            "--format",
+            metavar="SUFFIX",
+            help="Format of the pictures: exr, png, tiff, pfm, npy or npz.",
+            rich_help_panel=_OUTPUTS,
+        ),
     ] = "exr",
     dtype: options.SampleType = None,
     slices: Annotated[
         int,
         typer.Option(
+            metavar="N",
             help="Pictures of the focal stack, evenly spaced in 1/distance from the nearest depth to the "
             "farthest that is finite.",
             rich_help_panel=_OUTPUTS,
@@ -92,7 +128,8 @@ def batch_command(
     sharp_radius_px: Annotated[
         float,
         typer.Option(
-            help="Largest radius of the circle of confusion within the depth of field.",
+            metavar="PIXELS",
+            help="Largest radius of the circle of confusion, in pixels, within the depth of field.",
             rich_help_panel=_OUTPUTS,
         ),
     ] = 0.5,
@@ -100,7 +137,9 @@ def batch_command(
     random_aperture_radius: Annotated[
         str | None,
         typer.Option(
-            metavar="LOW,HIGH", help="Draw the radius of the opening for each frame.", rich_help_panel=_RANDOM
+            metavar="LOW,HIGH",
+            help="Draw the radius of the aperture, in metres, for each frame.",
+            rich_help_panel=_RANDOM,
         ),
     ] = None,
     random_f_number: Annotated[
@@ -118,6 +157,7 @@ def batch_command(
     seed: Annotated[
         int,
         typer.Option(
+            metavar="N",
             help="Another seed draws other lenses. What is drawn depends on it and the frame's name alone.",
             rich_help_panel=_RANDOM,
         ),
@@ -125,24 +165,29 @@ def batch_command(
     aperture_options: options.ApertureOptions,
     depth_options: options.DepthOptions,
     render_options: options.RenderOptions,
+    quiet: options.Quiet = False,
+    verbose: options.Verbose = False,
 ) -> int:
     """Render many frames, and go on where an earlier run was stopped.
 
     A picture and a depth map are a frame if their names are equal: their paths from COLOR and DEPTH (from the
-    first wildcard of a pattern) without suffix and without a first or last word such as rgb or depth. Files
-    without partner are listed first.
+    first wildcard of a pattern), without suffix and without a first or last word such as rgb or depth; or if
+    their names have the same number and differ in one word, as shot.beauty.0001.exr and shot.depth.0001.exr.
+    Files without a partner are listed first.
 
-    Each result has a JSON file beside it with all parameters. Frames that fail are listed in
-    OUTPUT/failures.jsonl, and the exit status is then 1.
+    Each result has a JSON file beside it with all parameters, its depth and its blur. FOLDER/summary.json has
+    their distribution over all frames. Frames that fail are listed in FOLDER/failures.jsonl, and the exit
+    status is then 1.
     """
     from . import io
     from .batch import Frame
 
+    _console.set_level(quiet=quiet, verbose=verbose)
     if dask not in (None, "local"):
         if workers != 1:
             raise ValueError("--workers is for this machine; the cluster of --dask has its own")
         output = output.absolute()
-    rows = list(_rows(color, depth, manifest, output))
+    rows = list(_rows(color, depth, manifest, output))[:limit]
     if dask not in (None, "local"):
         # Workers elsewhere stand in other folders.
         rows = [
@@ -168,6 +213,7 @@ def batch_command(
         **depth_words,
         "transfer": _options.one_of("--transfer", render_options.transfer, io.TRANSFERS),
         "alpha": _options.one_of("--alpha", render_options.alpha, io.ALPHAS),
+        **({} if (window := render_options.framing()["window"]) is None else {"window": window}),
     }
     rendering = {
         "method": render_options.method,
@@ -188,7 +234,7 @@ def batch_command(
         frame = Frame(
             color=row.color,
             depth=row.depth,
-            output=output / f"{row.name}{suffix}",
+            output=output / f"{row.name}{row.suffix or suffix}",
             lens=_options.merged(words | drawn, row.lens),
             focus_at=focus,
             seed=random.getrandbits(63) if focus == "random" else 0,
@@ -207,6 +253,12 @@ def batch_command(
     lists = [path for path in (manifest, lens_file, opening.get("image")) if isinstance(path, (str, Path))]
     _check_paths(frames, output, [Path(path) for path in lists], [one for one in (color, depth) if one])
     _check_options(frames[0])
+    if dry_run:
+        for frame in frames:
+            inputs = " + ".join(printable(str(path)) for path in (frame.color, frame.depth) if path)
+            print(f"{inputs} -> {printable(str(frame.output))}")
+        log.info("%d frames; nothing was written (--dry-run)", len(frames))
+        return 0
     return _run(frames, output, workers=workers, dask=dask, resume=resume)
 
 
@@ -221,7 +273,7 @@ def _rows(color: str | None, depth: str | None, manifest: Path | None, output: P
     elif color is not None:
         found = pair_files(color, depth, exclude=output)
         for path in found.unmatched:
-            print(f"dofsim: {printable(str(path))}: has no partner and is left out", file=sys.stderr)
+            log.warning("%s: has no partner and is left out", path)
         for name, (picture, plane) in found.pairs.items():
             yield Row(name=name, color=picture, depth=plane)
 
@@ -281,6 +333,7 @@ def _run(frames: list[Frame], output: Path, *, workers: int, dask: str | None, r
 
     from .batch import map_frames
     from .batch.claim import claimed
+    from .batch.records import summarise
     from .batch.unfinished import without_unfinished
 
     output.mkdir(parents=True, exist_ok=True)
@@ -307,14 +360,40 @@ def _run(frames: list[Frame], output: Path, *, workers: int, dask: str | None, r
             if result.error is not None:
                 message = printable(f"{result.frame.output}: {options.in_options(result.error)}")
                 tqdm.write(f"dofsim: {message}", file=sys.stderr)
+            elif result.status == "written" and log.isEnabledFor(logging.DEBUG):
+                line = f"{result.frame.output}: {_console.taken(result.seconds)}"
+                tqdm.write(printable(line), file=sys.stderr)
     seconds = time.perf_counter() - start
-    print(
-        f"{output}: {counts['written']} written, {counts['skipped']} there already, "
-        f"{counts['failed']} failed in {seconds:.1f} s ({len(frames) / seconds:.1f} frames/s)"
+    log.info(
+        "%s: %d written, %d there already, %d failed in %.1f s (%.1f frames/s)",
+        output,
+        *(counts[status] for status in ("written", "skipped", "failed")),
+        seconds,
+        len(frames) / seconds,
     )
+    if summary := summarise(frames, output):
+        _say_summary(summary)
     if counts["failed"]:
-        print(f"{failures}: what failed, and why")
+        log.info("%s: what failed, and why", failures)
     return 1 if counts["failed"] else 0
+
+
+def _say_summary(summary: dict[str, Any]) -> None:
+    """Say how wide the blur of the frames is, and what of it is suspicious."""
+    radius = summary["largest_blur_radius_px"]
+    if summary["frames"] > 1:
+        log.info(
+            "largest blur radius of a frame: %g px (5 %% of frames) to %g px (95 %%), median %g px",
+            *(radius[name] for name in ("p5", "p95", "median")),
+        )
+    for found in summary["suspicions"].values():
+        log.warning(
+            "%d of %d frames, the first is %s: %s",
+            found["frames"],
+            summary["frames"],
+            found["first"],
+            options.in_options(found["says"]),
+        )
 
 
 def _with_threads(frame: Frame, threads: int | None) -> Frame:

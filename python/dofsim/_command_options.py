@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass
 from inspect import Parameter, Signature, signature
@@ -13,149 +14,288 @@ import typer
 import dofsim
 
 from . import _options
+from ._options import INTEGER_DEPTH, UNITS
 
 T = TypeVar("T")
 
+# The subjects that help lists options by.
+_LENS, _APERTURE, _DEPTH, _PICTURE, _RENDERING = "Lens", "Aperture", "Depth", "Picture", "Rendering"
+
 OutputFolder = Annotated[
-    Path, typer.Option("--output", "-o", help="Folder to write into; made if it is not there.")
+    Path,
+    typer.Option("--output", "-o", metavar="FOLDER", help="Folder to write into; made if it is not there."),
 ]
 ApertureRadius = Annotated[
-    float | None, typer.Option(help="Radius of the opening in metres.", rich_help_panel="Lens")
+    float | None,
+    typer.Option(metavar="METRES", help="Radius of the aperture in metres.", rich_help_panel=_LENS),
 ]
 FocusDistance = Annotated[
-    float | None, typer.Option(help="Distance of the plane in focus in metres.", rich_help_panel="Lens")
+    float | None,
+    typer.Option(metavar="METRES", help="Distance of the plane in focus, in metres.", rich_help_panel=_LENS),
 ]
 FocusAt = Annotated[
     str | None,
     typer.Option(
-        metavar="X,Y", help="Focus on what this pixel of the depth map sees.", rich_help_panel="Lens"
+        metavar="X,Y",
+        help="Focus on the surface at this pixel: column and row of the depth map, without its margin.",
+        rich_help_panel=_LENS,
     ),
 ]
 InFocus = Annotated[
     str | None,
     typer.Option(
         metavar="NEAR,FAR",
-        help="Keep a range in focus in place of a plane: its ends in metres, the farther may be inf; "
-        "disparities of a relative lens.",
-        rich_help_panel="Lens",
+        help="Keep a range in focus in place of a plane: its ends in metres, of which the farther may be "
+        "inf. "
+        "With --strength-px or --strength-percent, the ends are disparities.",
+        rich_help_panel=_LENS,
     ),
 ]
-Fov = Annotated[float | None, typer.Option(help="Field of view in degrees.", rich_help_panel="Lens")]
+Fov = Annotated[
+    float | None,
+    typer.Option(metavar="DEGREES", help="Field of view of the camera, in degrees.", rich_help_panel=_LENS),
+]
 FovAxis = Annotated[
     str | None,
     typer.Option(
-        help="What the field of view spans: x (default), y, diagonal, smaller, larger.",
-        rich_help_panel="Lens",
+        metavar="AXIS",
+        help="What --fov spans: x (default), y, diagonal, smaller or larger.",
+        rich_help_panel=_LENS,
     ),
 ]
 FocalLength = Annotated[
-    float | None, typer.Option(help="Focal length in millimetres.", rich_help_panel="Lens")
+    float | None,
+    typer.Option(metavar="MM", help="Focal length in millimetres.", rich_help_panel=_LENS),
 ]
 FNumber = Annotated[
-    float | None, typer.Option(help="Focal length over diameter of the opening.", rich_help_panel="Lens")
+    float | None,
+    typer.Option(
+        metavar="N", help="f-number: focal length over diameter of the aperture.", rich_help_panel=_LENS
+    ),
 ]
 SensorWidth = Annotated[
     float | None,
-    typer.Option(help="Width of the sensor in millimetres (default 36).", rich_help_panel="Lens"),
+    typer.Option(
+        metavar="MM", help="Width of the sensor in millimetres (default 36).", rich_help_panel=_LENS
+    ),
+]
+StrengthPx = Annotated[
+    float | None,
+    typer.Option(
+        metavar="PIXELS",
+        help="For relative depth: the blur's radius, in pixels, of a surface one unit of disparity from the "
+        "focus. With --depth-kind relative the whole scene spans one unit.",
+        rich_help_panel=_LENS,
+    ),
+]
+StrengthPercent = Annotated[
+    float | None,
+    typer.Option(
+        metavar="PERCENT",
+        help="The same in percent of the picture's width; 2 to 5 are usual.",
+        rich_help_panel=_LENS,
+    ),
+]
+Focus = Annotated[
+    float | None,
+    typer.Option(
+        metavar="DISPARITY",
+        help="For relative depth: the disparity in focus. With --depth-kind relative, 0 is the farthest "
+        "surface and 1 the nearest.",
+        rich_help_panel=_LENS,
+    ),
 ]
 LensFile = Annotated[
     Path | None,
     typer.Option(
         "--lens",
-        help="TOML file with the words above, spelt with underscores, and all others of dofsim.Lens; those "
-        "of dofsim.Aperture in a table [aperture]. Options beside it win.",
-        rich_help_panel="Lens",
+        metavar="FILE",
+        help="TOML file with the options above, spelt with underscores, and all others of dofsim.Lens. Those "
+        "of dofsim.Aperture are in its table [aperture]. Options given beside it win.",
+        rich_help_panel=_LENS,
     ),
 ]
 Blades = Annotated[
-    int | None, typer.Option(help="Blades of the aperture; 0 is round.", rich_help_panel="Aperture")
+    int | None,
+    typer.Option(metavar="N", help="Blades of the aperture; 0 is round.", rich_help_panel=_APERTURE),
 ]
 Rotation = Annotated[
-    float | None, typer.Option(help="Rotation of the blades in degrees.", rich_help_panel="Aperture")
+    float | None,
+    typer.Option(metavar="DEGREES", help="Rotation of the blades in degrees.", rich_help_panel=_APERTURE),
 ]
 Preset = Annotated[
     str | None,
     typer.Option(
-        help="Read depth as written by: hypersim, kitti, nyu, tum, scannet, middlebury, sintel, mitsuba, "
+        metavar="NAME",
+        help="Read depth as it is written by: hypersim, kitti, nyu, tum, scannet, middlebury, sintel, "
+        "mitsuba, "
         "blender. The options below win.",
-        rich_help_panel="Depth",
+        rich_help_panel=_DEPTH,
     ),
 ]
 DepthKind = Annotated[
     str | None,
     typer.Option(
-        help="What depth measures: z (default), distance, inverse_z, disparity, relative, zbuffer, "
-        "opengl_ndc, distance_from_near.",
-        rich_help_panel="Depth",
+        metavar="KIND",
+        help="What depth measures: z (default: metres along the optical axis), distance (metres along the "
+        "ray), inverse_z (1/metres), disparity, relative (disparity of any scale, as networks estimate it), "
+        "zbuffer, opengl_ndc or distance_from_near.",
+        rich_help_panel=_DEPTH,
     ),
 ]
 Near = Annotated[
     float | None,
     typer.Option(
+        metavar="METRES",
         help="Near plane in metres, of z-buffers; the far plane of a reversed one. May be inf.",
-        rich_help_panel="Depth",
+        rich_help_panel=_DEPTH,
     ),
 ]
 Far = Annotated[
     float | None,
     typer.Option(
+        metavar="METRES",
         help="Far plane in metres, of z-buffers; the near plane of a reversed one. May be inf.",
-        rich_help_panel="Depth",
+        rich_help_panel=_DEPTH,
     ),
 ]
 DepthScale = Annotated[
     float | None,
-    typer.Option(help="Depth is multiplied by it; -1 for depth along -z.", rich_help_panel="Depth"),
+    typer.Option(
+        metavar="FACTOR",
+        help="Depth is multiplied by this: 0.001 for millimetres, -1 for depth along -z.",
+        rich_help_panel=_DEPTH,
+    ),
 ]
 DepthMissing = Annotated[
     float | None,
     typer.Option(
-        help="The value in the file that means no reading, which --invalid is about.", rich_help_panel="Depth"
+        metavar="VALUE",
+        help="The value in the file that means there is no reading; see --invalid.",
+        rich_help_panel=_DEPTH,
     ),
 ]
 DepthChannel = Annotated[
     str | None,
-    typer.Option(help="Channel of an EXR file, or array of an NPZ file.", rich_help_panel="Depth"),
+    typer.Option(
+        metavar="NAME", help="Channel of an OpenEXR file, or array of an NPZ file.", rich_help_panel=_DEPTH
+    ),
 ]
 Invalid = Annotated[
-    str, typer.Option(help="What to do with depth that is none: raise or far.", rich_help_panel="Depth")
+    str,
+    typer.Option(
+        metavar="WHAT",
+        help="What to do with invalid depth (NaN, negative or zero): raise an error, or take it as far.",
+        rich_help_panel=_DEPTH,
+    ),
 ]
-Layer = Annotated[str | None, typer.Option(help="Layer of an EXR file that is the picture.")]
+Layer = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME", help="Layer of an OpenEXR file that is the picture.", rich_help_panel=_PICTURE
+    ),
+]
 Transfer = Annotated[
-    str | None, typer.Option(help="What an integer picture holds: srgb (default) or linear.")
+    str | None,
+    typer.Option(
+        metavar="CURVE",
+        help="What an integer picture holds: srgb (default) or linear.",
+        rich_help_panel=_PICTURE,
+    ),
 ]
 Alpha = Annotated[
-    str | None, typer.Option(help="What a second or fourth channel is: straight, premultiplied or none.")
+    str | None,
+    typer.Option(
+        metavar="KIND",
+        help="What a second or fourth channel is: straight, premultiplied or none.",
+        rich_help_panel=_PICTURE,
+    ),
 ]
 InvalidColor = Annotated[
     str,
     typer.Option(
-        help="What to do with pixels whose colour is NaN or infinite: raise or fill (with the mean of those "
-        "around them)."
+        metavar="WHAT",
+        help="What to do with pixels whose colour is NaN or infinite: raise an error, or fill them with the "
+        "mean of those around them.",
+        rich_help_panel=_PICTURE,
+    ),
+]
+WindowOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="WINDOW",
+        help="Which pixels of an OpenEXR file: display (default), or data, by which what is stored beyond "
+        "the "
+        "display window is used as overscan.",
+        rich_help_panel=_PICTURE,
+    ),
+]
+Overscan = Annotated[
+    int,
+    typer.Option(
+        metavar="PIXELS",
+        help="Margin of the picture on every side beyond the output, in pixels of the output. Of an OpenEXR "
+        "file it is taken from what is stored beyond the display window, if that is enough.",
+        rich_help_panel=_PICTURE,
+    ),
+]
+Supersample = Annotated[
+    int,
+    typer.Option(
+        metavar="N",
+        help="The picture has this many times the pixels of the output along each axis.",
+        rich_help_panel=_PICTURE,
     ),
 ]
 MaxCoc = Annotated[
-    float | None, typer.Option("--max-coc-px", help="Largest radius of the circle of confusion in pixels.")
+    float | None,
+    typer.Option(
+        "--max-coc-px",
+        metavar="PIXELS",
+        help="Largest radius of the circle of confusion, in pixels.",
+        rich_help_panel=_RENDERING,
+    ),
 ]
-Method = Annotated[str, typer.Option(help="How to compute.")]
-Device = Annotated[
-    str, typer.Option(help="Where to compute: auto, cpu, gpu, or an adapter that `dofsim devices` lists.")
+Method = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        help="How to compute: lens (default), sprites, hexagonal, poisson, gaussian, levels or taps.",
+        rich_help_panel=_RENDERING,
+    ),
 ]
-Overscan = Annotated[int, typer.Option(help="Margin of the picture beyond the output, in output pixels.")]
-Supersample = Annotated[int, typer.Option(help="Pixels of the picture to one of the output.")]
-Threads = Annotated[int | None, typer.Option(help="Threads to use; all by default.")]
-SampleType = Annotated[
-    str | None,
-    typer.Option("--dtype", help="Samples of the output: half or float (EXR), uint8 or uint16 (PNG, TIFF)."),
-]
-
 MethodOptions = Annotated[
     list[str] | None,
     typer.Option(
         "--set",
         metavar="NAME=VALUE",
-        help="An option of the method; may be repeated. The value is TOML or a word.",
+        help="An option of the method, such as views=512; may be repeated.",
+        rich_help_panel=_RENDERING,
     ),
+]
+Device = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        help="Where to compute: auto, cpu, gpu, or an adapter that `dofsim devices` lists.",
+        rich_help_panel=_RENDERING,
+    ),
+]
+Threads = Annotated[
+    int | None,
+    typer.Option(metavar="N", help="Threads to use; all processors by default.", rich_help_panel=_RENDERING),
+]
+SampleType = Annotated[
+    str | None,
+    typer.Option(
+        "--dtype",
+        metavar="TYPE",
+        help="Samples of the output: half or float (OpenEXR), uint8 or uint16 (PNG, TIFF).",
+    ),
+]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors and warnings only.")]
+Verbose = Annotated[
+    bool, typer.Option("--verbose", "-v", help="Print also which channels, windows and devices were chosen.")
 ]
 
 
@@ -172,6 +312,9 @@ class LensOptions:
     focal_length_mm: FocalLength = None
     f_number: FNumber = None
     sensor_width_mm: SensorWidth = None
+    strength_px: StrengthPx = None
+    strength_percent: StrengthPercent = None
+    focus: Focus = None
     lens_file: LensFile = None
 
     @property
@@ -247,13 +390,21 @@ class RenderOptions:
     method: Method = "lens"
     method_options: MethodOptions = None
     device: Device = "auto"
+    window: WindowOption = None
     overscan: Overscan = 0
     supersample: Supersample = 1
     threads: Threads = None
 
+    def framing(self) -> dict[str, Any]:
+        """Give the words of `dofsim._frame.read_framed`."""
+        window = _options.one_of("--window", self.window, ("display", "data"))
+        return {"window": window, "overscan": self.overscan, "supersample": self.supersample}
+
     def method_words(self, opening: dict[str, Any]) -> dict[str, Any]:
         """Give the method and its options, with the aperture of these words."""
         chosen = _options.read_method_options(self.method_options or [])
+        if own := [name for name in chosen if name in _OPTIONS and name != "max_coc_px"]:
+            raise ValueError(f"--set {own[0]}: it is an option of its own, {_OPTIONS[own[0]]}")
         if self.max_coc_px is not None:
             if "max_coc_px" in chosen:
                 raise ValueError("--max-coc-px is given twice: as an option and as --set max_coc_px")
@@ -287,6 +438,10 @@ def in_options(message: str) -> str:
     """
     for words, option in _SAID.items():
         message = message.replace(words, option)
+    message = _GIVEN.sub(lambda found: f"{_OPTIONS[found[1]]} {found[2] or found[3]}", message)
+    if any(words in message for words in _OF_FILES):
+        return message
+    message = _NAMED.sub(lambda found: _OPTIONS[found[0]], message)
     name, must, rest = message.partition(" must ")
     return f"{_OPTIONS[name]}{must}{rest}" if name in _OPTIONS else message
 
@@ -340,12 +495,30 @@ _OPTIONS = {
     for name in ("border", "limit", "outputs", "sharp_radius_px", "slices")
 }
 _OPTIONS["scale"] = "--depth-scale"
+_OPTIONS["lens_file"] = "--lens"
+_OPTIONS["method_options"] = "--set"
+# The longest first, of which others are parts.
+_LONGEST_FIRST = sorted(_OPTIONS, key=len, reverse=True)
+_NOT_IN_A_PATH = r"(?<![\w/.-])"
+# Arguments with their values, and names of arguments that are no words of the language.
+_GIVEN = re.compile(rf"{_NOT_IN_A_PATH}({'|'.join(_LONGEST_FIRST)})=(?:[\"']([^\"']*)[\"']|([\w.+-]+))")
+_NAMED = re.compile(
+    rf"{_NOT_IN_A_PATH}(?:{'|'.join(name for name in _LONGEST_FIRST if '_' in name)})(?![\w/.-])"
+)
+# Errors about the words of a file are in the words of files.
+_OF_FILES = ('[aperture] has no "', 'a lens has no "')
 _SAID = {
-    'Pass invalid_color="fill"': "Pass --invalid-color fill",
-    "Pass max_coc_px": "Pass --max-coc-px",
+    INTEGER_DEPTH: "which have no unit of their own. Say --depth-kind relative for a network's disparity, "
+    "--depth-scale 0.001 for millimetres, or --preset NAME for a data set (hypersim, kitti, nyu, tum, "
+    "scannet, middlebury, sintel)",
+    UNITS: "Is it millimetres (--depth-scale 0.001) or disparity (--depth-kind relative)?",
+    "Pass max_coc_px to bound": "Pass --max-coc-px to bound",
     "negate them": "negate them (--depth-scale -1)",
-    'pass invalid="far"': "pass --invalid far",
-    "near and far are for depth_kind": "--near and --far are for depth_kind",
+    "near and far are for depth_kind": "--near and --far are for --depth-kind",
+    "needs a lens made by Lens.from_disparity": "needs a lens of --strength-percent or --strength-px and "
+    "--focus",
+    "the lens was made by Lens.from_disparity": "the lens is one of --strength-percent or --strength-px",
     "(depth_channel)": "(--depth-channel)",
     "(layer)": "(--layer)",
+    "dofsim.devices()": "`dofsim devices`",
 }

@@ -36,6 +36,8 @@ FURTHER_WORDS = (
     "breathing_focal_length_mm",
     "breathing",
 )
+# All words of a lens, each once.
+LENS_WORDS = tuple(dict.fromkeys((*THIN_WORDS, *CAMERA_WORDS, *RELATIVE_WORDS, *FOCUS_WORDS, *FURTHER_WORDS)))
 # What openings have; see `dofsim.Aperture`.
 APERTURE_WORDS = (
     "blades",
@@ -47,6 +49,14 @@ APERTURE_WORDS = (
     "spherical",
     "image",
 )
+# Why depth of integers is refused, and the way out. The command line says the same in its own words.
+INTEGER_DEPTH = (
+    "which have no unit of their own. Pass scale=0.001 (or depth_scale=0.001) for millimetres, 1 for a "
+    "network's "
+    "relative disparity, or the reading of one of dofsim.presets.PRESETS"
+)
+# What whole numbers that were taken for metres may be, likewise.
+UNITS = 'Is it millimetres (depth_scale=0.001) or disparity (depth_kind="relative")?'
 # No pixel and no opening is beyond it, and whole numbers of 64 bits end there.
 _LARGEST = 2**63
 # What each constructor can do without, or says itself when it is missing.
@@ -90,7 +100,9 @@ def read_settings(
     if not isinstance(opening, dict):
         raise ValueError(f"{path}: aperture must be a table")
     if alien := [word for word in opening if word not in APERTURE_WORDS]:
-        raise ValueError(f"{path}: an aperture has no {listed(alien)}; it has {', '.join(APERTURE_WORDS)}")
+        raise ValueError(f"{path}: [aperture] has no {_quoted(alien)}; it has {', '.join(APERTURE_WORDS)}")
+    if alien := [word for word in words if word not in LENS_WORDS]:
+        raise ValueError(f"{path}: a lens has no {_quoted(alien)}; it has {', '.join(LENS_WORDS)}")
     given = {word: value for word, value in lens.items() if value is not None}
     opened = {word: value for word, value in aperture.items() if value is not None}
     return merged(words, given), opening | opened
@@ -174,13 +186,21 @@ def make_lens(words: Mapping[str, Any]) -> dofsim.Lens:
     if alien := [word for word in words if word not in known]:
         raise ValueError(f"a lens of {_spell(known)} has no {_spell(alien)}")
     if missing := [word for word in known if word not in words and word not in _OPTIONAL]:
-        raise ValueError(
-            f"the lens is not complete: {_spell(missing)} missing (a lens is given by {_spell(THIN_WORDS)}, "
-            f"by {_spell(CAMERA_WORDS)}, or by --lens and a file)"
-        )
+        raise ValueError(f"the lens is not complete: {_spell(missing)} missing. {_complete(missing)}")
     if "breathing" in further and maker is dofsim.Lens.from_camera:
         words["breathing"] = further.pop("breathing")
     return maker(**words).replace(**further)
+
+
+def _complete(missing: list[str]) -> str:
+    """Say what a whole lens is; of a focus alone, the other ways to give it."""
+    if set(missing) <= {"focus", "focus_distance"}:
+        return "Give it, --focus-at X,Y or --in-focus NEAR,FAR"
+    return (
+        "A lens is --aperture-radius --focus-distance --fov; or --focal-length-mm --f-number "
+        "--focus-distance; "
+        "or, for relative depth, --strength-percent --focus; or --lens FILE"
+    )
 
 
 def _make_lens_of_range(words: Mapping[str, Any]) -> dofsim.Lens:
@@ -248,7 +268,8 @@ def read_preset(
     Returns
     -------
     tuple of str and dict
-        The kind of depth, and the arguments about depth of `dofsim.io.read_rgbd`.
+        The kind of depth, and the arguments about depth of `dofsim.io.read_rgbd`. Where nothing says what
+        the values are, the scale is None, by which integers are refused.
 
     Raises
     ------
@@ -259,9 +280,10 @@ def read_preset(
 
     chosen = one_of("--preset", name, tuple(PRESETS))
     preset = DepthPreset() if chosen is None else PRESETS[chosen]
+    unstated = {"depth_scale": None} if chosen is None and kind is None else {}
     given = {"depth_scale": scale, "depth_missing": missing}
     words = {word: value for word, value in given.items() if value is not None}
-    return kind or preset.depth_kind, preset.reading | words
+    return kind or preset.depth_kind, {**preset.reading, **unstated, **words}
 
 
 def read_range(text: str) -> tuple[float, float]:
@@ -326,6 +348,10 @@ def focused_words(
     except IndexError as error:
         raise ValueError(f"--focus-at: {error}") from error
     return focused
+
+
+def _quoted(words: list[str]) -> str:
+    return ", ".join(f'"{word}"' for word in listed(words).split(", "))
 
 
 def _spell(words: tuple[str, ...] | list[str]) -> str:

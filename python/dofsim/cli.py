@@ -7,30 +7,46 @@ are at fault, 1 for everything else.
 from __future__ import annotations
 
 import errno
+import logging
 import sys
 import time
 import warnings
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, TextIO
+from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 import typer
 
 import dofsim
 
 from . import _command_options as options
-from . import _options
+from . import _console, _options
 from ._batch_command import batch_command
+from ._help import Command, Group
 from ._names import listed, printable
 
+if TYPE_CHECKING:
+    from ._frame import Framed
+
+log = logging.getLogger("dofsim")
+
 app = typer.Typer(
-    help="Turn a pinhole picture and its depth into the picture that a real lens would have taken.",
-    add_completion=False,
+    cls=Group,
+    help="Turn a pinhole picture and its depth into the picture that a real lens would have taken.\n\n"
+    "`dofsim help COMMAND` or `dofsim COMMAND -h` lists the options of a command.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-Output = Annotated[Path, typer.Option("--output", "-o", help="File to write; its suffix names the format.")]
+Output = Annotated[
+    Path,
+    typer.Option("--output", "-o", metavar="FILE", help="File to write; its suffix names the format."),
+]
+Picture = Annotated[
+    Path,
+    typer.Argument(help="The picture, with its depth if it is an OpenEXR or NPZ file.", metavar="PICTURE"),
+]
 
 # What Typer makes of Ctrl-C; none of the commands returns it.
 _INTERRUPTED = 130
@@ -63,7 +79,7 @@ def run(arguments: list[str]) -> int:
     2
     """
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), _console.to_stderr():
             warnings.filterwarnings("always", message="color has ", category=UserWarning)
             warnings.showwarning = _say_warning
             status: object = app(arguments, prog_name="dofsim", standalone_mode=False)
@@ -85,15 +101,16 @@ def run(arguments: list[str]) -> int:
     except Exception as error:
         # Typer brings a copy of Click or uses the installed one, depending on its version, so its usage
         # errors are known by what they offer and not by their class.
+        if type(error).__name__ == "NoArgsIsHelpError":
+            print(str(error), file=sys.stderr)
+            return 2
         if format_message := getattr(error, "format_message", None):
             return _fail(format_message(), 2)
         return _fail(f"internal error: {type(error).__name__}: {error}", 1)
 
 
 def _fail(message: str, status: int) -> int:
-    # Without arguments the help has been printed, and nothing is left to say.
-    if message:
-        print(f"dofsim: {printable(message)}", file=sys.stderr)
+    print(f"dofsim: {printable(message)}", file=sys.stderr)
     return status
 
 
@@ -125,90 +142,126 @@ def _common(
     """Options of all commands."""
 
 
-@app.command("render", no_args_is_help=True)
+@app.command("render", cls=Command, no_args_is_help=True)
 @options.with_groups
 def render_command(
-    image: Annotated[Path, typer.Argument(help="The picture, with its depth if it is EXR or NPZ.")],
+    image: Picture,
     *,
     output: Output,
-    depth: Annotated[Path | None, typer.Argument(help="The depth, if it is in another file.")] = None,
+    depth: Annotated[
+        Path | None, typer.Argument(help="The depth, if it is in another file.", metavar="DEPTH")
+    ] = None,
     lens_options: options.LensOptions,
     aperture_options: options.ApertureOptions,
     depth_options: options.DepthOptions,
     render_options: options.RenderOptions,
     dtype: options.SampleType = None,
     profile: Annotated[
-        bool, typer.Option("--profile", help="Print what each pass takes on the GPU.")
+        bool, typer.Option("--profile", help="Print the time of each pass on the GPU.")
     ] = False,
+    quiet: options.Quiet = False,
+    verbose: options.Verbose = False,
 ) -> None:
     """Render a picture through a lens."""
     from . import io
+    from ._frame import read_framed, squeezed
+    from ._report import Report
 
+    _console.set_level(quiet=quiet, verbose=verbose)
     _check_output(output, [image, depth, lens_options.lens_file])
     kind, reading = depth_options.read()
-    rgbd = io.read_rgbd(
+    framed = read_framed(
         image,
         depth,
+        **render_options.framing(),
         layer=render_options.layer,
         **reading,
         transfer=_options.one_of("--transfer", render_options.transfer, io.TRANSFERS),
     )
-    words, opening = lens_options.read(rgbd.depth, aperture_options, **kind)
+    rgbd = framed.rgbd
+    _say_what_was_read(image, depth or image, framed)
+    words, opening = lens_options.read(
+        framed.seen_depth(render_options.supersample), aperture_options, **kind
+    )
     _check_input(output, opening.get("image"))
     picture = io.Image(rgbd.color, rgbd.transfer, rgbd.alpha)
     if chosen := _options.one_of("--alpha", render_options.alpha, io.ALPHAS):
         picture = replace(picture, alpha=chosen)
     color = picture.to_linear()
     has_alpha = picture.alpha != "none"
+    sample_type = _options.one_of("--dtype", dtype, io.SAMPLE_TYPES)
+    if sample_type is None and rgbd.color.dtype == "uint16" and io.holds(output, "uint16"):
+        sample_type = "uint16"
 
-    lens = _options.make_lens(words)
+    method_words = render_options.method_words(opening)
+    lens, aperture = squeezed(
+        _options.make_lens(words), method_words.get("aperture"), framed.pixel_aspect, kind["depth_kind"]
+    )
+    if aperture is not None:
+        method_words["aperture"] = aperture
+    grid = {"overscan": framed.overscan, "supersample": render_options.supersample}
     scene_words: dict[str, Any] = {
         **kind,
+        **grid,
         "device": render_options.device,
         "invalid": depth_options.invalid,
         "invalid_color": render_options.invalid_color,
         "alpha": "premultiplied" if has_alpha else "none",
         "transfer": "linear",
-        "overscan": render_options.overscan,
-        "supersample": render_options.supersample,
     }
-    method_words = render_options.method_words(opening)
     start = time.perf_counter()
-    result = dofsim.render(color, rgbd.depth, lens, **scene_words, **method_words)
+    with _console.patience(color.shape, render_options.method):
+        result = dofsim.render(color, rgbd.depth, lens, **scene_words, **method_words)
     seconds = time.perf_counter() - start
 
-    sample_type = _options.one_of("--dtype", dtype, io.SAMPLE_TYPES)
-    if sample_type is None and rgbd.color.dtype == "uint16" and io.holds(output, "uint16"):
-        sample_type = "uint16"
-    io.write_image(output, result, alpha="premultiplied" if has_alpha else "none", dtype=sample_type)
-    print(f"{output}: {result.shape[1]} x {result.shape[0]}, rendered in {seconds:.2f} s")
-    _say_channels(image, depth or image, rgbd.color_channels, rgbd.depth_channel)
+    result = framed.cut(result)
+    io.write_image(
+        output,
+        result,
+        alpha="premultiplied" if has_alpha else "none",
+        dtype=sample_type,
+        attributes_of=framed.source,
+        corner=framed.corner,
+    )
+    report = Report.of(rgbd.depth, lens, **kind, **grid, max_coc_px=render_options.max_coc_px)
+    log.info("%s: %d x %d, %s, %s", output, result.shape[1], result.shape[0], report, _console.taken(seconds))
+    for suspicion in report.suspicions().values():
+        log.warning("%s: %s", output, options.in_options(suspicion))
     if profile:
         passes = dofsim.Scene(color, rgbd.depth, **scene_words).profile(lens, **method_words)
         for name, milliseconds in [*passes, ("all passes", sum(time for _, time in passes))]:
             print(f"{name:<20} {milliseconds:10.3f} ms")
 
 
-@app.command("coc", no_args_is_help=True)
+@app.command("coc", cls=Command, no_args_is_help=True)
 @options.with_groups
 def coc_command(
-    depth: Annotated[Path, typer.Argument(help="A depth map, or a picture with depth (EXR or NPZ).")],
+    depth: Annotated[
+        Path,
+        typer.Argument(help="A depth map, or a picture with depth (OpenEXR or NPZ).", metavar="DEPTH"),
+    ],
     *,
     output: Output,
     lens_options: options.LensOptions,
     depth_options: options.DepthOptions,
     max_coc_px: options.MaxCoc = None,
     limit: Annotated[
-        float | None, typer.Option(help="Radius in pixels at which the colours of a PNG end.")
+        float | None,
+        typer.Option(metavar="PIXELS", help="Radius in pixels at which the colours of a PNG end."),
     ] = None,
+    quiet: options.Quiet = False,
+    verbose: options.Verbose = False,
 ) -> None:
-    """Show the circle of confusion: as colours (PNG) or as its signed radius in pixels (EXR and others)."""
+    """Show the circle of confusion: as colours (PNG) or as its signed radius in pixels (other formats)."""
     from . import _dofsim, io
+    from ._report import Report
 
+    _console.set_level(quiet=quiet, verbose=verbose)
     _check_output(output, [depth, lens_options.lens_file])
     kind, reading = depth_options.read()
     words = {name.removeprefix("depth_"): value for name, value in reading.items()}
     plane, channel = io.read_named_depth(depth, **words)
+    _say_channels(depth, depth, (), channel)
     words, _ = lens_options.read(plane, **kind)
     lens = _options.make_lens(words)
     radius = dofsim.coc(plane, lens, **kind, invalid=depth_options.invalid, max_coc_px=max_coc_px)
@@ -220,23 +273,30 @@ def coc_command(
         io.write_exr(output, {"coc": radius})
     else:
         io.write_image(output, radius)
-    print(f"{output}: radius from {radius.min():+.2f} px (near) to {radius.max():+.2f} px (far)")
-    _say_channels(depth, depth, (), channel)
+    report = Report.of(plane, lens, **kind, max_coc_px=max_coc_px)
+    log.info(
+        "%s: %s; signed radius %+.2f px (near) to %+.2f px (far)", output, report, radius.min(), radius.max()
+    )
+    for suspicion in report.suspicions().values():
+        log.warning("%s: %s", output, options.in_options(suspicion))
 
 
-app.command("batch", no_args_is_help=True)(batch_command)
+app.command("batch", cls=Command, no_args_is_help=True)(batch_command)
 
 
-@app.command("compare", no_args_is_help=True)
+@app.command("compare", cls=Command, no_args_is_help=True)
 def compare_command(
-    a: Annotated[Path, typer.Argument(help="A picture.")],
-    b: Annotated[Path, typer.Argument(help="Another picture, such as a reference.")],
+    a: Annotated[Path, typer.Argument(help="A picture.", metavar="A")],
+    b: Annotated[Path, typer.Argument(help="Another picture, such as a reference.", metavar="B")],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="PNG file of both and their difference.")
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="PNG file of both and their difference."),
     ] = None,
-    border: Annotated[int, typer.Option(help="Pixels left out of the numbers along each edge.")] = 0,
+    border: Annotated[
+        int, typer.Option(metavar="PIXELS", help="Pixels along each edge that are left out of the numbers.")
+    ] = 0,
 ) -> None:
-    """Say how far two pictures are apart: PSNR, SSIM and FLIP."""
+    """Measure how far two pictures are apart: PSNR, SSIM and FLIP."""
     from . import _compare, _dofsim, _panel, io
 
     if output is not None:
@@ -250,23 +310,35 @@ def compare_command(
             _compare.difference_tile(first, second, f"Difference: {distance}"),
         ]
         _dofsim.write_bytes(output, _panel.draw(tiles))
-        print(output)
+        log.info("%s: %s, %s and their difference", output, a.name, b.name)
     print(distance)
 
 
-@app.command("devices")
-def devices_command() -> None:
-    """List the adapters that can be computed on, besides the CPU."""
-    found = dofsim.devices()
+@app.command("devices", cls=Command)
+def devices_command(verbose: options.Verbose = False) -> None:
+    """List the GPUs that can be computed on, besides the CPU."""
+    with _console.without_noise(verbose):
+        found = dofsim.devices()
     for device in found:
         mebibytes = device.max_binding_bytes // 2**20
         print(f"{device.id}  {device.name}")
         print(f"       {device.kind}, {device.backend}, {device.driver}; up to {mebibytes} MiB a frame")
     if not found:
-        print("There is no adapter: no driver for Vulkan, Metal or Direct3D 12 is installed.")
+        print("There is no GPU: no driver for Vulkan, Metal or Direct3D 12 is installed.")
 
 
-@app.command("demo")
+@app.command("help", cls=Command)
+def help_command(
+    context: typer.Context,
+    command: Annotated[
+        str | None, typer.Argument(help="A command; without one, they are listed.", metavar="COMMAND")
+    ] = None,
+) -> None:
+    """Show the help of a command."""
+    app([command, "--help"] if command else ["--help"], prog_name="dofsim", standalone_mode=False)
+
+
+@app.command("demo", cls=Command)
 def demo_command(
     output: options.OutputFolder = Path("dofsim-demo"),
     device: options.Device = "auto",
@@ -281,12 +353,23 @@ def demo_command(
     print(f"{demo.result}: the result in linear light")
 
 
+def _say_what_was_read(image: Path, depth: Path, framed: Framed) -> None:
+    """Say which channels and windows were chosen, where there was a choice."""
+    _say_channels(image, depth, framed.rgbd.color_channels, framed.rgbd.depth_channel)
+    if framed.unused:
+        log.info(
+            "%s: %d pixels beyond the display window are not used; --window data does", image, framed.unused
+        )
+    if framed.pixel_aspect != 1.0:
+        log.info("%s: its pixels are %g times as wide as high", image, framed.pixel_aspect)
+
+
 def _say_channels(image: Path, depth: Path, color: tuple[str, ...], plane: str | None) -> None:
     """Say which channels of OpenEXR files were chosen, where they have other names than the format's own."""
     if not set(color) <= set("RGBAY"):
-        print(f"dofsim: {printable(str(image))}: the picture is {listed(color)}", file=sys.stderr)
+        log.info("%s: the picture is %s", image, listed(color))
     if plane not in (None, "Z"):
-        print(f"dofsim: {printable(str(depth))}: the depth is {printable(plane)}", file=sys.stderr)
+        log.info("%s: the depth is %s", depth, plane)
 
 
 def _check_output(output: Path, inputs: list[Path | None], suffixes: tuple[str, ...] | None = None) -> None:

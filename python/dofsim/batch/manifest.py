@@ -14,6 +14,7 @@ from typing import Any, Literal, TextIO
 from dofsim import _options
 from dofsim._files import StrPath, check_regular
 from dofsim._names import shortened
+from dofsim._save import SUFFIXES
 
 _LENS_WORDS = {*_options.THIN_WORDS, *_options.CAMERA_WORDS, *_options.RELATIVE_WORDS, *_options.FOCUS_WORDS}
 _WORDS = {"color", "depth", "output", "focus_at", *_LENS_WORDS}
@@ -27,6 +28,8 @@ class Row:
     ----------
     name : str
         Where its result goes, relative to the folder of the results, without suffix.
+    suffix : str, optional
+        The suffix of its result, where the manifest names one.
     color : Path
         File of the picture.
     depth : Path, optional
@@ -40,6 +43,7 @@ class Row:
     name: str
     color: Path
     depth: Path | None = None
+    suffix: str | None = None
     lens: dict[str, Any] = field(default_factory=dict)
     focus_at: tuple[int, int] | Literal["random"] | None = None
 
@@ -53,9 +57,9 @@ def read_manifest(path: StrPath) -> list[Row]:
         A ``.csv`` file with a line of titles, or a ``.jsonl`` file with one object a line. Titles and keys
         are ``color``, and as wanted ``depth``, ``output``, ``focus_at`` (``"X,Y"``, ``"random"``, in JSON
         also two numbers) and the words of a lens, such as ``focus_distance`` or ``in_focus`` (``"NEAR,FAR"``,
-        likewise). Empty cells and null are not
-        given. Paths are relative to the manifest; ``output`` is relative to the folder of the results and has
-        no suffix, and is the path of the picture if not given.
+        likewise). Empty cells and null are not given. Paths are relative to the manifest; ``output`` is
+        relative to the folder of the results, and is the path of the picture if not given. A suffix of
+        `dofsim.io.SUFFIXES` that it has is the format of the result.
 
     Returns
     -------
@@ -135,19 +139,22 @@ def _row(folder: Path, words: Any) -> Row:
         raise ValueError("color is missing")
     files = {name: folder / given[name] for name in ("color", "depth") if name in given}
     lens = {name: _lens_value(name, given[name]) for name in given if name in _LENS_WORDS}
-    return Row(name=_name(given), lens=lens, focus_at=_focus_at(given.get("focus_at")), **files)
+    name, suffix = _name(given)
+    return Row(name=name, suffix=suffix, lens=lens, focus_at=_focus_at(given.get("focus_at")), **files)
 
 
-def _name(given: dict[str, Any]) -> str:
+def _name(given: dict[str, Any]) -> tuple[str, str | None]:
     if "output" in given:
         name = PurePath(given["output"])
         if name.is_absolute() or ".." in name.parts:
             raise ValueError(f"output must be within the folder of the results; got {given['output']!r}")
+        if name.suffix.lower() in SUFFIXES:
+            return name.with_suffix("").as_posix(), name.suffix
     else:
         name = PurePath(given["color"]).with_suffix("")
         if name.is_absolute() or ".." in name.parts:
             name = PurePath(name.name)
-    return name.as_posix()
+    return name.as_posix(), None
 
 
 def _lens_value(name: str, value: Any) -> float | str | tuple[float, float]:

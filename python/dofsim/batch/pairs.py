@@ -5,17 +5,25 @@ from __future__ import annotations
 import glob
 import os
 import re
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from itertools import dropwhile, takewhile
+from difflib import SequenceMatcher
+from itertools import dropwhile, islice, takewhile
 from pathlib import Path, PurePath
 
 from dofsim._files import StrPath
 from dofsim.io import READABLE_SUFFIXES
 
+# A frame's number in a pattern, as of printf and of Nuke, Blender and Houdini.
+_NUMBER = re.compile(r"%0?(\d*)d|#+")
+# What sets the words of a name apart.
+_BETWEEN = re.compile(r"([-_.]+)")
 # Words that tell the picture and the depth of one frame apart.
 _ROLE = r"(?:colou?r|rgb|image|img|left|depth(?:_meters)?|disp(?:arity)?|z)"
 _LEADING = re.compile(rf"^{_ROLE}[-_.]", re.IGNORECASE)
+# So many names of each kind are compared for the nearest two.
+_COMPARED = 50
 _TRAILING = re.compile(rf"[-_.]{_ROLE}$", re.IGNORECASE)
 
 
@@ -44,12 +52,15 @@ def pair_files(color: StrPath, depth: StrPath | None = None, *, exclude: StrPath
     depth_meters, disp, disparity or z where such a word begins or ends the file's name and ``-``, ``_`` or
     ``.`` sets it apart. Picture and depth of equal names are a frame. So ``rgb/a/0001.png`` belongs to
     ``depth/a/0001.pfm`` for the folders ``rgb`` and ``depth``, and ``0001_rgb.png`` to ``0001_depth.exr``.
+    Of what is left, names that differ in one word, or by one more, are a frame if there is no other choice
+    and the word is no number: ``shot.beauty.0001.exr`` and ``shot.depth.0001.exr``. The frame then has the
+    name of the picture.
 
     Parameters
     ----------
     color : str or path-like
         A folder, searched with those below it for files with one of `dofsim.io.READABLE_SUFFIXES`; a pattern
-        such as ``"scenes/*/rgb/*.png"``; or a file.
+        such as ``"scenes/*/rgb/*.png"``, ``"shot.beauty.####.exr"`` or ``"%04d.png"``; or a file.
     depth : str or path-like, optional
         The same for the depth; without it each file holds picture and depth.
     exclude : str or path-like, optional
@@ -89,12 +100,64 @@ def pair_files(color: StrPath, depth: StrPath | None = None, *, exclude: StrPath
     pairs: dict[str, tuple[Path, Path | None]] = {
         name: (path, depths[name]) for name, path in pictures.items() if name in depths
     }
+    left = {name: path for name, path in pictures.items() if name not in pairs}
+    by_word = _differing_by_a_word(left, [name for name in depths if name not in pairs])
+    pairs |= {name: (left[name], depths[other]) for name, other in by_word.items()}
+    pairs = dict(sorted(pairs.items()))
     if not pairs:
         raise ValueError(
             f"none of {len(pictures)} files of {color} has the name of one of {len(depths)} of {depth}"
+            f"{_nearest(pictures, depths)}. A frame's two files have one name, or names that differ in one "
+            f"word; "
+            "list them in a manifest where they have not"
         )
-    unmatched = [path for name, path in (pictures | depths).items() if name not in pairs]
+    paired = {path for pair in pairs.values() for path in pair}
+    unmatched = [path for path in (*pictures.values(), *depths.values()) if path not in paired]
     return Pairing(pairs=pairs, unmatched=unmatched)
+
+
+def _differing_by_a_word(pictures: Iterable[str], depths: Iterable[str]) -> dict[str, str]:
+    """Find the names that are equal but for one word, or without one, where that is the only choice."""
+    by_rest: dict[tuple[str, ...], list[str]] = {}
+    for name in depths:
+        for rest in _without_a_word(name):
+            by_rest.setdefault(rest, []).append(name)
+    found = {
+        name: {other for rest in _without_a_word(name) for other in by_rest.get(rest, [])}
+        for name in pictures
+    }
+    only = {name: others.pop() for name, others in found.items() if len(others) == 1}
+    claims = Counter(only.values())
+    return {name: other for name, other in only.items() if claims[other] == 1}
+
+
+def _without_a_word(name: str) -> list[tuple[str, ...]]:
+    """Give a name's words as they are, and with each of them but numbers left out."""
+    folder, _, last = name.rpartition("/")
+    words = [word for word in _BETWEEN.split(last) if word]
+    rests = [(folder, *words)]
+    for index, word in enumerate(words):
+        if not _BETWEEN.fullmatch(word) and not any(letter.isdigit() for letter in word):
+            # With the sign before or behind it, so that what is left is a name.
+            first = max(index - 1, 0)
+            rests.append((folder, *words[:first], *words[first + 2 :]))
+    return rests
+
+
+def _nearest(pictures: dict[str, Path], depths: dict[str, Path]) -> str:
+    """Show the two names that are nearest to each other."""
+    best = max(
+        (
+            (SequenceMatcher(None, name, other).ratio(), name, other)
+            for name in islice(pictures, _COMPARED)
+            for other in islice(depths, _COMPARED)
+        ),
+        default=None,
+    )
+    if best is None:
+        return ""
+    _, name, other = best
+    return f"; the nearest two are {pictures[name]} and {depths[other]}"
 
 
 def _named(where: StrPath, exclude: StrPath | None) -> dict[str, Path]:
@@ -138,27 +201,58 @@ def would_find(where: StrPath, path: Path, *, exclude: StrPath) -> bool:
         return False
     if Path(name).is_dir():
         return file.suffix.lower() in READABLE_SUFFIXES
-    return PurePath(file.relative_to(base)).match(_wild_part(name))
+    wild, numbered = _numbers(_wild_part(name))
+    relative = PurePath(file.relative_to(base))
+    return relative.match(wild) and (numbered is None or bool(numbered.fullmatch(relative.as_posix())))
 
 
 def _is_below(path: Path, folder: Path) -> bool:
     return path != folder and path.is_relative_to(folder)
 
 
+def _has_magic(part: str) -> bool:
+    return glob.has_magic(part) or _NUMBER.search(part) is not None
+
+
 def _is_pattern(where: str) -> bool:
-    return glob.has_magic(where) and not Path(where).exists()
+    return _has_magic(where) and not Path(where).exists()
+
+
+def _numbers(wild: str) -> tuple[str, re.Pattern[str] | None]:
+    """Give a pattern with a star for the frame's number, and what names with such a number match."""
+    if not _NUMBER.search(wild):
+        return wild, None
+
+    def digits(found: re.Match[str]) -> str:
+        least = int(found[1] or 1) if found[0].startswith("%") else len(found[0])
+        return rf"\d{{{least},}}"
+
+    parts, expression, end = [], "", 0
+    for found in _NUMBER.finditer(wild):
+        between = wild[end : found.start()]
+        parts += [between, "*"]
+        expression += _as_expression(between) + digits(found)
+        end = found.end()
+    # Two stars in a name are one.
+    star = re.sub(r"(?<=[^/*])\*\*+|\*\*+(?=[^/*])", "*", "".join([*parts, wild[end:]]))
+    return star, re.compile(expression + _as_expression(wild[end:]))
+
+
+def _as_expression(text: str) -> str:
+    """Write the stars and question marks of a part of a pattern as a regular expression."""
+    return re.escape(text).replace(r"\*\*/", "(?:.*/)?").replace(r"\*", "[^/]*").replace(r"\?", "[^/]")
 
 
 def _base(where: str) -> Path:
     """Find the folder where a search begins."""
     if _is_pattern(where):
-        return Path(*takewhile(lambda part: not glob.has_magic(part), Path(where).parts))
+        return Path(*takewhile(lambda part: not _has_magic(part), Path(where).parts))
     return Path(where).parent if Path(where).is_file() else Path(where)
 
 
 def _wild_part(where: str) -> str:
     """Give a pattern from its first wildcard on."""
-    return str(Path(*dropwhile(lambda part: not glob.has_magic(part), Path(where).parts)))
+    return str(Path(*dropwhile(lambda part: not _has_magic(part), Path(where).parts)))
 
 
 def _listed(where: str) -> Iterator[tuple[Path, Path]]:
@@ -171,7 +265,12 @@ def _listed(where: str) -> Iterator[tuple[Path, Path]]:
         if not Path(where).is_file():
             paths = [path for path in base.rglob("*") if path.suffix.lower() in READABLE_SUFFIXES]
     else:
-        paths = list(base.glob(_wild_part(where)))
+        wild, numbered = _numbers(_wild_part(where))
+        paths = [
+            path
+            for path in base.glob(wild)
+            if numbered is None or numbered.fullmatch(path.relative_to(base).as_posix())
+        ]
     for path in sorted(paths):
         relative = path.relative_to(base)
         if path.is_file() and not any(part.startswith(".") for part in relative.parts):

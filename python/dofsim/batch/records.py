@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ import numpy as np
 import dofsim
 from dofsim import _dofsim
 from dofsim._files import read_text
+from dofsim._report import distribution
 
 from .frames import Frame
 
@@ -79,6 +80,54 @@ def write_record(frame: Frame, mark: str, found: dict[str, Any]) -> None:
     }
     text = json.dumps(_plain(record), indent=1) + "\n"
     _dofsim.write_bytes(frame.record, text.encode())
+
+
+def summarise(frames: Iterable[Frame], folder: Path) -> dict[str, Any]:
+    """Write the distribution of what the records of some frames say, as ``summary.json``.
+
+    Parameters
+    ----------
+    frames : iterable of Frame
+        The frames; those without a record are left out.
+    folder : Path
+        Where it is written.
+
+    Returns
+    -------
+    dict
+        What was written: the number of ``frames``, the quantiles of ``largest_blur_radius_px`` and
+        ``median_blur_radius_px``, the ``depth_range`` of all, and for each kind of ``suspicions`` how many
+        frames have it and what it says of the first. Empty without records.
+    """
+    largest, median, least, greatest = [], [], [], []
+    suspicions: dict[str, dict[str, Any]] = {}
+    for frame in frames:
+        try:
+            record = json.loads(read_text(frame.record))
+            radius = record["blur_radius_px"]
+            largest.append(float(radius["max"]))
+            median.append(float(radius["median"]))
+            if record["depth_range"] is not None:
+                least.append(float(record["depth_range"][0]))
+                greatest.append(float(record["depth_range"][1]))
+            for about, sentence in record["suspicions"].items():
+                found = suspicions.setdefault(str(about), {"frames": 0, "first": frame.output.name})
+                found["frames"] += 1
+                found.setdefault("says", str(sentence))
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            continue
+    if not largest:
+        return {}
+    summary = {
+        "frames": len(largest),
+        "largest_blur_radius_px": distribution(largest),
+        "median_blur_radius_px": distribution(median),
+        "depth_range": [min(least), max(greatest)] if least else None,
+        "suspicions": suspicions,
+    }
+    text = json.dumps(_plain(summary), indent=1) + "\n"
+    _dofsim.write_bytes(folder / "summary.json", text.encode())
+    return summary
 
 
 def _stamp(path: Path) -> tuple[str, int, int]:

@@ -16,6 +16,8 @@ import dofsim
 from dofsim import _options, io
 from dofsim._dofsim import focusable_pixels
 from dofsim._focus import focused
+from dofsim._frame import Framed, read_framed, squeezed
+from dofsim._report import Report
 from dofsim._save import Alpha, SampleType
 
 from .frames import Frame, Result
@@ -37,6 +39,7 @@ class Loaded:
     fingerprint: str
     image: io.Image
     depth: NDArray[np.float32]
+    framed: Framed | None = None
     channels: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -51,6 +54,7 @@ class Rendered:
     dtype: SampleType | None
     found: dict[str, Any]
     seconds: float
+    framed: Framed | None = None
 
 
 def run(frame: Frame, resume: bool) -> Result:
@@ -113,13 +117,16 @@ def _read(frame: Frame, resume: bool) -> Loaded | Result:
         return Result(frame=frame, status="skipped")
     words = dict(frame.reading)
     alpha = words.pop("alpha", None)
-    rgbd = io.read_rgbd(frame.color, frame.depth, **words)
+    grid = {name: frame.options[name] for name in ("overscan", "supersample") if name in frame.options}
+    framed = read_framed(frame.color, frame.depth, **grid, **words)
+    rgbd = framed.rgbd
     image = io.Image(rgbd.color, rgbd.transfer, rgbd.alpha)
     return Loaded(
         frame=frame,
         fingerprint=mark,
         image=replace(image, alpha=alpha) if alpha else image,
         depth=rgbd.depth,
+        framed=framed,
         channels={"color_channels": rgbd.color_channels, "depth_channel": rgbd.depth_channel},
     )
 
@@ -142,19 +149,37 @@ def render(loaded: Loaded) -> Rendered:
     ValueError, TypeError, DeviceError
         As `dofsim.render`.
     """
-    frame, image, depth = loaded.frame, loaded.image, loaded.depth
+    frame, image, depth, framed = loaded.frame, loaded.image, loaded.depth, loaded.framed
+    # The margin that was found may be wider than the one that was asked for.
+    margin = frame.options.get("overscan", 0) if framed is None else framed.overscan
+    finer = frame.options.get("supersample", 1)
+    seen = depth if framed is None else framed.seen_depth(finer)
     kind = {name: frame.options[name] for name in _DEPTH_WORDS if name in frame.options}
     found = dict(loaded.channels)
     words = dict(frame.lens)
     if frame.focus_at is not None:
-        pixel = _any_pixel(words, depth, frame, kind) if frame.focus_at == "random" else frame.focus_at
-        words = _options.focused_words(words, pixel, depth, **kind)
+        pixel = _any_pixel(words, seen, frame, kind) if frame.focus_at == "random" else frame.focus_at
+        words = _options.focused_words(words, pixel, seen, **kind)
         found["focus_at"] = pixel
     lens = _options.make_lens(words)
     render_words = {name: value for name, value in frame.options.items() if name not in _SCENE_WORDS}
     if (in_focus := render_words.pop("in_focus", None)) is not None:
         lens = lens.replace(in_focus=in_focus)
     found["lens"] = words
+    if framed is not None:
+        lens, aperture = squeezed(
+            lens, render_words.get("aperture"), framed.pixel_aspect, kind.get("depth_kind", "z")
+        )
+        render_words |= {} if aperture is None else {"aperture": aperture}
+    report = Report.of(
+        depth,
+        lens,
+        **kind,
+        overscan=margin,
+        supersample=finer,
+        max_coc_px=frame.options.get("max_coc_px"),
+    )
+    found |= report.record()
 
     start = time.perf_counter()
     pixels: dict[str, NDArray[Any]] = {}
@@ -166,10 +191,13 @@ def render(loaded: Loaded) -> Rendered:
         lenses |= slices
     if lenses:
         scene_words = {name: value for name, value in frame.options.items() if name in _SCENE_WORDS}
+        scene_words["overscan"] = margin
         scene = dofsim.Scene(image.to_linear(), depth, alpha=alpha, transfer="linear", **scene_words)
         if scene.filled_pixels:
             found["filled_pixels"] = scene.filled_pixels
-        pixels |= {name: scene.render(one, **render_words) for name, one in lenses.items()}
+        for name, one in lenses.items():
+            picture = scene.render(one, **render_words)
+            pixels[name] = picture if framed is None else framed.cut(picture)
     if {"coc", "mask"} & set(frame.outputs):
         radius = _coc(lens, depth, frame, kind, max_coc_px=frame.options.get("max_coc_px"))
         sharp = np.abs(radius) <= frame.sharp_radius_px
@@ -187,11 +215,12 @@ def render(loaded: Loaded) -> Rendered:
         dtype=dtype,
         found=found,
         seconds=time.perf_counter() - start,
+        framed=framed,
     )
 
 
 def _write(rendered: Rendered) -> Result:
-    frame = rendered.frame
+    frame, framed = rendered.frame, rendered.framed
     inputs = {path.resolve() for path in (frame.color, frame.depth) if path is not None}
     for path in frame.files.values():
         if path.resolve() in inputs:
@@ -206,7 +235,14 @@ def _write(rendered: Rendered) -> Result:
         elif name == "mask":
             io.write_image(path, pixels)
         else:
-            io.write_image(path, pixels, alpha=rendered.alpha, dtype=rendered.dtype)
+            io.write_image(
+                path,
+                pixels,
+                alpha=rendered.alpha,
+                dtype=rendered.dtype,
+                attributes_of=framed.source if framed else None,
+                corner=framed.corner if framed else None,
+            )
     write_record(frame, rendered.fingerprint, rendered.found)
     return Result(frame=frame, status="written", seconds=rendered.seconds)
 

@@ -1,0 +1,5 @@
+"""``python -m dofsim`` is the ``dofsim`` command."""
+
+from .cli import main
+
+main()

@@ -1,0 +1,236 @@
+"""What was rendered, in numbers: the depth, the focus and the radius of the blur; and what is suspicious."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._blur import metres
+from ._dofsim import Lens, coc
+from ._options import UNITS
+
+__all__ = ["Report", "distribution", "log_render"]
+
+# A blur that is smaller than this everywhere cannot be seen, and one beyond this share of the width is rarely
+# meant.
+_SMALLEST_RADIUS_PX = 0.5
+_LARGEST_SHARE = 0.1
+
+# What the values of each kind are, and their unit.
+_QUANTITIES = {
+    "z": ("depth", "m"),
+    "distance": ("distance along the ray", "m"),
+    "distance_from_near": ("distance from the near plane", "m"),
+    "inverse_z": ("inverse depth", "1/m"),
+    "disparity": ("disparity", ""),
+    "relative": ("relative disparity", ""),
+    "zbuffer": ("z-buffer values", ""),
+    "opengl_ndc": ("z-buffer values", ""),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """The numbers of one picture.
+
+    Attributes
+    ----------
+    kind : str
+        What the depth measures.
+    depth : tuple of float, optional
+        The least and the greatest finite value of the depth, in the unit of its kind; None without any.
+    has_background : bool
+        Whether some pixels are infinitely far.
+    focus : str
+        What is in focus, with its unit.
+    radius_px : tuple of float
+        The least, the median and the greatest radius of the blur, in pixels of the output.
+    width : int
+        Of the output, in pixels.
+    opened : bool
+        Whether the lens is no pinhole.
+    whole_numbers : bool
+        Whether all finite depth is whole numbers, of which there are several.
+    """
+
+    kind: str
+    depth: tuple[float, float] | None
+    has_background: bool
+    focus: str
+    radius_px: tuple[float, float, float]
+    width: int
+    opened: bool
+    whole_numbers: bool
+
+    @classmethod
+    def of(
+        cls,
+        depth: NDArray[np.floating[Any]],
+        lens: Lens,
+        *,
+        overscan: int = 0,
+        supersample: int = 1,
+        max_coc_px: float | None = None,
+        **kind: Any,
+    ) -> Report:
+        """Measure a depth map as a lens sees it.
+
+        Parameters
+        ----------
+        depth : ndarray
+            Shape (H, W), or (L, H, W) of layers.
+        lens : Lens
+            The lens.
+        overscan, supersample, max_coc_px
+            As for `dofsim.render`.
+        **kind
+            ``depth_kind``, ``near`` and ``far`` of `dofsim.render`.
+
+        Returns
+        -------
+        Report
+            The numbers.
+        """
+        margin = overscan * supersample
+        height, width = depth.shape[-2:]
+        seen = depth[..., margin : height - margin, margin : width - margin]
+        radius = np.abs(coc(np.ascontiguousarray(seen), lens, invalid="far", max_coc_px=max_coc_px, **kind))
+        radius /= supersample
+        finite = seen[np.isfinite(seen)]
+        least, greatest = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
+        strength = (lens.aperture_radius, lens.strength_px, lens.strength_percent)
+        return cls(
+            kind=kind.get("depth_kind", "z"),
+            depth=(least, greatest) if finite.size else None,
+            has_background=finite.size < seen.size,
+            focus=_focus(lens),
+            radius_px=(float(radius.min()), float(np.median(radius)), float(radius.max())),
+            width=radius.shape[-1] // supersample,
+            opened=any(strength),
+            whole_numbers=greatest > least + 1.0 and bool((finite == np.rint(finite)).all()),
+        )
+
+    def __str__(self) -> str:
+        """Return the depth, the focus and the blur on one line."""
+        low, _, high = self.radius_px
+        return f"{self._depth()}, focus {self.focus}, blur radius {_pixels(low)} to {_pixels(high)} px"
+
+    def _depth(self) -> str:
+        name, unit = _QUANTITIES.get(self.kind, ("depth", ""))
+        far = " and infinity" if self.has_background else ""
+        if self.depth is None:
+            return f"{name} infinite everywhere"
+        low, high = (f"{value:.3g}" for value in self.depth)
+        scale = " (taken as 0 to 1)" if self.kind == "relative" else ""
+        return f"{name} {low if low == high else f'{low} to {high}'}{f' {unit}' if unit else ''}{far}{scale}"
+
+    def suspicions(self) -> dict[str, str]:
+        """Say what is probably not meant.
+
+        Returns
+        -------
+        dict of str to str
+            Sentences by what they are about; empty if nothing is suspicious.
+        """
+        found = {}
+        name, unit = _QUANTITIES.get(self.kind, ("depth", ""))
+        least, greatest = self.depth or (math.inf, math.inf)
+        if unit == "m" and self.whole_numbers:
+            found["whole numbers"] = (
+                f"the depth holds whole numbers only, {least:g} to {greatest:g}, and is taken for metres. "
+                f"{UNITS}"
+            )
+        if least == greatest < math.inf and not self.has_background:
+            found["even depth"] = f"the {name} is {least:.3g}{f' {unit}' if unit else ''} everywhere"
+        largest = self.radius_px[2]
+        if self.opened and largest < _SMALLEST_RADIUS_PX:
+            found["no blur"] = (
+                f"the blur is too small to see: its radius is at most {largest:.2g} px. Is the depth in the "
+                "unit that was said, and the aperture wide enough?"
+            )
+        if largest > _LARGEST_SHARE * self.width:
+            found["wide blur"] = (
+                f"the blur is very wide: its radius reaches {largest:.0f} px, {largest / self.width:.0%} of "
+                f"the "
+                "width. Is the depth in the unit that was said?"
+            )
+        return found
+
+    def record(self) -> dict[str, Any]:
+        """Give the numbers as a batch's record has them.
+
+        Returns
+        -------
+        dict
+            ``depth_range`` (least and greatest finite value), ``blur_radius_px`` (least, median and greatest)
+            and ``suspicions``.
+        """
+        names = ("min", "median", "max")
+        return {
+            "depth_range": self.depth,
+            "blur_radius_px": dict(zip(names, (round(one, 4) for one in self.radius_px), strict=True)),
+            "suspicions": self.suspicions(),
+        }
+
+
+def log_render(depth: NDArray[np.floating[Any]], lens: Lens, seconds: float, **words: Any) -> None:
+    """Tell the logger ``dofsim.render`` what was rendered.
+
+    Parameters
+    ----------
+    depth : ndarray
+        The depth.
+    lens : Lens
+        The lens.
+    seconds : float
+        Time that the render took.
+    **words
+        As for `Report.of`.
+    """
+    report = Report.of(depth, lens, **words)
+    log = logging.getLogger("dofsim.render")
+    log.info("%s, %.2f s", report, seconds)
+    for suspicion in report.suspicions().values():
+        log.warning("%s", suspicion)
+
+
+def distribution(values: Sequence[float]) -> dict[str, float]:
+    """Give the quantiles of some numbers.
+
+    Parameters
+    ----------
+    values : sequence of float
+        The numbers, at least one.
+
+    Returns
+    -------
+    dict of str to float
+        ``min``, ``p5``, ``median``, ``p95`` and ``max``.
+    """
+    shares = {"min": 0.0, "p5": 0.05, "median": 0.5, "p95": 0.95, "max": 1.0}
+    found = np.quantile(np.asarray(values, np.float64), list(shares.values()))
+    return dict(zip(shares, (float(f"{one:.4g}") for one in found), strict=True))
+
+
+def _pixels(radius: float) -> str:
+    """Write a radius to a tenth of a pixel."""
+    return "0" if radius < 0.05 else f"{radius:.1f}" if radius < 10.0 else f"{radius:.0f}"
+
+
+def _metres(distance: float) -> str:
+    """Write a distance with its unit."""
+    return "infinity" if math.isinf(distance) else metres(distance)
+
+
+def _focus(lens: Lens) -> str:
+    planes: list[float] = [focus for focus in (lens.focus_distance, lens.focus) if focus is not None]
+    ends: Sequence[float] = lens.in_focus or planes
+    if lens.focus is None:
+        return " to ".join(_metres(end) for end in ends)
+    return "at disparity " + " to ".join(f"{end:.3g}" for end in ends)
