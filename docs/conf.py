@@ -12,7 +12,7 @@ author = "the dofsim developers"
 version = release = dofsim.__version__
 html_title = "dofsim"
 
-extensions = ["myst_nb", "numpydoc", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "mathml"]
+extensions = ["myst_nb", "numpydoc", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "mathml", "commands"]
 exclude_patterns = ["*.py", "_ext"]
 templates_path: list[str] = []
 nitpicky = False
@@ -48,6 +48,8 @@ html_css_files = ["dofsim.css"]
 # Only the pages that have others beside them need the column on the left.
 _alone = (
     "index",
+    "install",
+    "troubleshooting",
     "tutorial",
     "optics",
     "gallery",
@@ -62,7 +64,7 @@ html_show_sourcelink = False
 html_copy_source = False
 html_theme_options = {
     "navbar_align": "left",
-    "header_links_before_dropdown": 7,
+    "header_links_before_dropdown": 6,
     "show_toc_level": 2,
     "show_prev_next": True,
     "secondary_sidebar_items": ["page-toc"],

@@ -1,6 +1,7 @@
 """The `dofsim` command: what it writes, what it prints, what it refuses and how."""
 
 import dataclasses
+import json
 import os
 import subprocess
 import sys
@@ -708,3 +709,21 @@ def test_devices_are_listed_without_the_noise_of_drivers():
         shown = subprocess.run(command, capture_output=True, text=True, check=True)
         assert shown.stderr == noise
         assert "There is no GPU" in shown.stdout
+
+
+def test_cameras_of_other_programs_are_lens_files(scene, tmp_path, monkeypatch):
+    words = {"lens": 50.0, "fstop": 1.8, "focus_distance": 2.0, "sensor_width": 36.0, "aperture_blades": 7}
+    (tmp_path / "camera.json").write_text(json.dumps(words))
+    lens, aperture = lens_of(monkeypatch, "--lens", "camera.json")
+    assert lens == dofsim.Lens.from_blender(words)
+    assert aperture == dofsim.Aperture.from_blender(words)
+    lens, aperture = lens_of(monkeypatch, "--lens", "camera.json", "--focus-distance", "3", "--blades", "5")
+    assert lens == dofsim.Lens.from_blender(words).replace(focus_distance=3.0)
+    assert aperture.blades == 5
+    (tmp_path / "scene.xml").write_text(
+        '<scene version="3.0.0"><sensor type="thinlens"><float name="fov" value="40"/>'
+        '<float name="aperture_radius" value="0.1"/><float name="focus_distance" value="3"/></sensor></scene>'
+    )
+    lens, aperture = lens_of(monkeypatch, "--lens", "scene.xml")
+    assert lens == dofsim.Lens.from_mitsuba(str(tmp_path / "scene.xml"))
+    assert aperture is None

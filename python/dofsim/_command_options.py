@@ -111,7 +111,8 @@ LensFile = Annotated[
         "--lens",
         metavar="FILE",
         help="TOML file with the options above, spelt with underscores, and all others of dofsim.Lens. Those "
-        "of dofsim.Aperture are in its table [aperture]. Options given beside it win.",
+        "of dofsim.Aperture are in its table [aperture]. Or a Blender camera (.json) or a Mitsuba scene "
+        "(.xml). Options given beside it win.",
         rich_help_panel=_LENS,
     ),
 ]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -71,7 +72,8 @@ def read_settings(
     Parameters
     ----------
     path : Path or None
-        A TOML file: the words of the lens at its top, those of the aperture in a table ``aperture``.
+        A TOML file: the words of the lens at its top, those of the aperture in a table ``aperture``. Or a
+        camera of Blender (``.json``) or a scene of Mitsuba (``.xml``).
     lens, aperture : mapping
         The words given as options; None where they are not given.
 
@@ -88,7 +90,9 @@ def read_settings(
         If it cannot be read.
     """
     words: dict[str, Any] = {}
-    if path is not None:
+    if path is not None and path.suffix.lower() in _CAMERAS:
+        words = _CAMERAS[path.suffix.lower()](path)
+    elif path is not None:
         check_regular(path)
         try:
             words = tomllib.loads(read_text(path))
@@ -106,6 +110,30 @@ def read_settings(
     given = {word: value for word, value in lens.items() if value is not None}
     opened = {word: value for word, value in aperture.items() if value is not None}
     return merged(words, given), opening | opened
+
+
+def _blender_words(path: Path) -> dict[str, Any]:
+    """Read the camera that ``docs/blender_camera.py`` writes."""
+    opening = dofsim.Aperture.from_blender(os.fspath(path))
+    return {
+        **_words_of(dofsim.Lens.from_blender(os.fspath(path))),
+        "aperture": opening.__getnewargs_ex__()[1],
+    }
+
+
+def _mitsuba_words(path: Path) -> dict[str, Any]:
+    """Read the sensor of a scene of Mitsuba."""
+    return _words_of(dofsim.Lens.from_mitsuba(os.fspath(path)))
+
+
+def _words_of(lens: dofsim.Lens) -> dict[str, Any]:
+    """Give the words of a lens that was read from a camera's file."""
+    words = {name: getattr(lens, name) for name in (*THIN_WORDS, "principal_point", "sensor_mm")}
+    return {name: value for name, value in words.items() if value not in (None, (0.0, 0.0))}
+
+
+# Files of cameras, by their suffixes; all others are TOML.
+_CAMERAS: dict[str, Callable[[Path], dict[str, Any]]] = {".json": _blender_words, ".xml": _mitsuba_words}
 
 
 def merged(words: Mapping[str, Any], first: Mapping[str, Any]) -> dict[str, Any]:

@@ -231,7 +231,7 @@ class RandomDepthOfField(v2.Transform):
             return _numbers(lenses, params["batch"])
         if isinstance(inpt, Depth):
             if self.depth_to == "depth":
-                # What a worker sends is moved to shared memory, also while the next sample is rendered from it.
+                # What a worker sends is moved in memory, also while the next sample is rendered from it.
                 return inpt.clone() if get_worker_info() is not None else inpt
             radii = [self._coc(plane, lens) for plane, lens in zip(planes, lenses, strict=True)]
             coc = torch.from_numpy(np.stack(radii).reshape(inpt.shape))
