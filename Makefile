@@ -24,12 +24,13 @@ LIBPYTHON = $(shell $(WORK)/bin/python -c 'import sysconfig as s, pathlib as p; 
 	found = (d / (v("LDLIBRARY") or "-")).is_file() or v("PYTHONFRAMEWORK"); print(d if found else "")')
 CARGO = PYO3_PYTHON="$(CURDIR)/$(WORK)/bin/python" cargo
 
-.PHONY: help demo docs gallery lenses test properties soak fuzz deny bench clean
+.PHONY: help demo docs gallery lenses pictures test properties soak fuzz deny bench clean
 
 help:
 	@echo 'make demo     install into $(DEMO) and render the picture that comes with dofsim into dofsim-demo/'
 	@echo 'make gallery  draw that picture with every method into build/gallery/'
 	@echo 'make lenses   draw that picture through twelve lenses into build/lenses/'
+	@echo 'make pictures draw the pictures of the documentation anew, in docs/'
 	@echo "make test     check everything, in $(WORK); with EXTRAS='docs torch' documentation and PyTorch, too"
 	@echo 'make docs     build the documentation into build/docs/html/'
 	@echo 'make properties  try the laws with CASES=2000 inputs each'
@@ -47,6 +48,9 @@ gallery: $(DEMO)/.installed
 
 lenses: $(DEMO)/.installed
 	$(DEMO)/bin/python docs/lenses.py build/lenses
+
+pictures: $(WORK)/.installed
+	$(WORK)/bin/python docs/pictures.py
 
 $(DEMO)/.installed: $(SOURCES)
 	$(PYTHON) -m venv $(DEMO)
