@@ -194,7 +194,7 @@ pub fn disparity_plane(
             Invalid::Raise => {
                 let first = out.iter().position(|d| d.is_nan()).unwrap_or(0);
                 return Err(value_error!(
-                    "depth has {bad} of {} values that are no depth; the first is {} at row {}, column {}. \
+                    "depth has {bad} of {} values that are not valid; the first is {} at row {}, column {}. \
                      Accepted are {}; pass invalid=\"far\" to take them for background",
                     depth.len(),
                     depth[first],

@@ -60,7 +60,7 @@ def test_depth_whose_inverse_is_no_float_is_refused_or_far(value):
     depth = np.full((HEIGHT, WIDTH), 2.0)
     depth[3, 4] = value
     color = RNG.random((HEIGHT, WIDTH, 3))
-    with pytest.raises(ValueError, match=r"1 of .* are no depth; the first is .* row 3, column 4"):
+    with pytest.raises(ValueError, match=r"1 of .* are not valid; the first is .* row 3, column 4"):
         dofsim.render(color, depth, LENS, device="cpu")
     assert np.isfinite(dofsim.render(color, depth, LENS, device="cpu", invalid="far")).all()
 

@@ -11,8 +11,8 @@ for package in ("matplotlib", "skimage", "flip_evaluator"):
     pytest.importorskip(package, reason=f"pictures are drawn and measured with {package}")
 
 DOCS = Path(__file__).parents[1] / "docs"
-# Titles have the seconds that a render took, and JPEG has noise of its own: 40 to 45 dB are left. A lens that is a
-# tenth wider is 28 dB away.
+# Titles have the seconds that a render took, and JPEG has noise of its own: 40 to 45 dB are left. A lens that
+# is a tenth wider is 28 dB away.
 LEAST_DB = 37.0
 
 

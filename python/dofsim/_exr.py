@@ -19,7 +19,7 @@ Compression = Literal["none", "rle", "zips", "zip", "piz"]
 
 
 def list_channels(path: StrPath) -> list[str]:
-    """List the channels of an OpenEXR file, or the arrays of an NPZ file.
+    """Return the names of the channels of an OpenEXR file, or of the arrays of an NPZ file.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def list_channels(path: StrPath) -> list[str]:
 
 
 def read_exr(path: StrPath, channels: list[str] | None = None) -> dict[str, NDArray[np.float32]]:
-    """Read channels of an OpenEXR file by their names.
+    """Return channels of an OpenEXR file, by their names.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ def focus_pull(
     easing: Easing = "smooth",
     **options: Any,
 ) -> Iterator[NDArray[Any]]:
-    """Render a scene while the focus moves, one frame after another.
+    """Yield the pictures of a scene while the focus moves, one frame after another.
 
     Between two keyframes the disparity in focus moves, not the distance: blur is linear in disparity, so that
     it changes evenly, and the focus may come from infinity.

@@ -199,7 +199,7 @@ def write_depth(
 
 
 def holds(path: StrPath, dtype: SampleType) -> bool:
-    """Tell whether the format that the suffix names can hold samples of a type."""
+    """Return whether the format that the suffix names can hold samples of a type."""
     return dtype in _SAMPLE_TYPES.get(_kind(path), {})
 
 

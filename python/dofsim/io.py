@@ -168,7 +168,7 @@ def read_color(
     transfer: Transfer | None = None,
     window: Window = "display",
 ) -> Image:
-    """Read the colour of a file.
+    """Return the picture that a file holds.
 
     Parameters
     ----------
@@ -239,7 +239,7 @@ def read_depth(
     layer: str | None = None,
     window: Window = "display",
 ) -> NDArray[np.float32]:
-    """Read the depth of a file.
+    """Return the depth map that a file holds.
 
     Parameters
     ----------
@@ -312,7 +312,7 @@ def read_rgbd(
     window: Window = "display",
     max_layers: int = 4,
 ) -> RGBD:
-    """Read a picture and its depth from one file or two.
+    """Return a picture and its depth, read from one file or two.
 
     Parameters
     ----------

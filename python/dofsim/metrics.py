@@ -24,7 +24,7 @@ __all__ = ["error_map", "flip", "psnr", "regions", "srgb", "ssim"]
 
 
 def srgb(linear: ArrayLike) -> NDArray[np.float64]:
-    """Encode linear light as sRGB code values, clipped to [0, 1].
+    """Return linear light as sRGB code values, clipped to [0, 1].
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def srgb(linear: ArrayLike) -> NDArray[np.float64]:
 
 
 def psnr(a: ArrayLike, b: ArrayLike, *, border: int = 0, mask: ArrayLike | None = None) -> float:
-    """Peak signal-to-noise ratio of two pictures, in decibels.
+    """Return the peak signal-to-noise ratio of two pictures, in decibels.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def psnr(a: ArrayLike, b: ArrayLike, *, border: int = 0, mask: ArrayLike | None 
 
 
 def ssim(a: ArrayLike, b: ArrayLike, *, border: int = 0, mask: ArrayLike | None = None) -> float:
-    """Structural similarity of two pictures.
+    """Return the structural similarity of two pictures.
 
     Wang et al.'s settings: a Gaussian window with a standard deviation of 1.5 pixels, population covariances,
     a data range of 1; channels are averaged. The windows see the whole picture; `border` and `mask` choose
@@ -159,7 +159,7 @@ def ssim(a: ArrayLike, b: ArrayLike, *, border: int = 0, mask: ArrayLike | None 
 
 
 def flip(a: ArrayLike, b: ArrayLike, *, border: int = 0, mask: ArrayLike | None = None) -> float:
-    """Mean of NVIDIA's FLIP, the difference that a person sees when flipping between two pictures.
+    """Return the mean of NVIDIA's FLIP, the difference that a person sees when flipping between two pictures.
 
     The low dynamic range version, at the evaluator's own viewing distance (67 pixels a degree). The whole
     pictures are filtered; `border` and `mask` choose which of the local values are averaged.
@@ -208,7 +208,7 @@ def flip(a: ArrayLike, b: ArrayLike, *, border: int = 0, mask: ArrayLike | None 
 def error_map(
     a: ArrayLike, b: ArrayLike, *, metric: Literal["difference", "flip"] = "difference"
 ) -> NDArray[np.float32]:
-    """Show where two pictures differ.
+    """Return where two pictures differ, pixel by pixel.
 
     Parameters
     ----------
@@ -247,7 +247,7 @@ def error_map(
 
 
 def regions(coc_px: ArrayLike) -> dict[str, NDArray[np.bool_]]:
-    """Split a picture into regions that are measured apart, by the blur of the surface that the pinhole sees.
+    """Return the regions of a picture that are measured apart, by the blur of what the pinhole sees.
 
     Parameters
     ----------

@@ -66,7 +66,7 @@ def coc(
     far: float | None = None,
     invalid: _Invalid = "raise",
 ) -> Figure:
-    """Draw the circles of confusion of a picture: near red, far blue, in focus light.
+    """Return a figure of the circles of confusion of a picture: near red, far blue, in focus light.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def depth_of_field(
     sharp_radius_px: float = SHARP_RADIUS_PX,
     ax: Axes | None = None,
 ) -> Figure:
-    """Draw the circle of confusion against distance, with what is sharp.
+    """Return a figure of the circle of confusion against distance, with what is sharp.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ def depth_of_field(
 
 
 def aperture(aperture: Aperture, *, radius_px: float = 96.0) -> Figure:
-    """Draw what an opening makes of a point of light behind the focus, and of one in front of it.
+    """Return a figure of what an aperture makes of a point of light behind the focus and in front of it.
 
     Parameters
     ----------
@@ -243,7 +243,7 @@ def compare(
     border: int = 0,
     names: tuple[str, str] = ("dofsim", "reference"),
 ) -> Figure:
-    """Draw two pictures, where they differ, the regions they are measured in, and the numbers.
+    """Return a figure of two pictures, where they differ, their regions and the numbers.
 
     Parameters
     ----------
@@ -307,7 +307,7 @@ def focal_stack(
     *,
     columns: int = 3,
 ) -> Figure:
-    """Draw the pictures of a focal stack beside each other.
+    """Return a figure of the pictures of a focal stack beside each other.
 
     Parameters
     ----------
@@ -344,7 +344,7 @@ def focal_stack(
 
 
 def pictures(pictures: Mapping[str, NDArray[Any]], *, columns: int = 3) -> Figure:
-    """Draw pictures beside each other.
+    """Return a figure of pictures beside each other.
 
     Parameters
     ----------

@@ -40,7 +40,7 @@ class _PlaceOfLens:
 
 
 class RandomDepthOfField(v2.Transform):
-    """See a picture through a lens of random opening, focused on a random pixel.
+    """A transform that sees a picture through a lens of random aperture, focused on a random pixel.
 
     Samples have any structure that torchvision's transforms take, with one `Depth` and one picture of its
     size: a `torchvision.tv_tensors.Image`, or else the first plain tensor, of shape (..., C, H, W). The depth
@@ -115,7 +115,7 @@ class RandomDepthOfField(v2.Transform):
         self.options = options
 
     def forward(self, *inputs: Any) -> Any:
-        """See a sample through a lens.
+        """Return a sample as a lens sees it.
 
         Parameters
         ----------
@@ -140,7 +140,7 @@ class RandomDepthOfField(v2.Transform):
         return ", ".join([repr(self.lens), *(f"{name}={value!r}" for name, value in words.items())])
 
     def make_params(self, flat_inputs: list[Any]) -> dict[str, Any]:
-        """Draw the lenses.
+        """Return lenses that are drawn at random.
 
         Parameters
         ----------
@@ -174,7 +174,7 @@ class RandomDepthOfField(v2.Transform):
         return {"lenses": [self._draw(plane) for plane in planes], "planes": planes, "batch": batch}
 
     def draw(self, depth: torch.Tensor) -> dofsim.Lens:
-        """Draw a lens for a depth map.
+        """Return a lens that is drawn at random for a depth map.
 
         Parameters
         ----------
@@ -212,7 +212,7 @@ class RandomDepthOfField(v2.Transform):
         return lens.replace(aperture_radius=factor * lens.aperture_radius)
 
     def transform(self, inpt: Any, params: dict[str, Any]) -> Any:
-        """See one entry of a sample through the lens.
+        """Return one entry of a sample as the lens sees it.
 
         Parameters
         ----------

@@ -12,12 +12,12 @@ use pyo3::types::PyDict;
 use std::fmt;
 use std::sync::Arc;
 
-/// The shape of the opening that light passes, and how much of it passes where.
+/// An aperture: its shape, and how much light passes each part of it.
 ///
 /// Parameters
 /// ----------
 /// blades : int, optional
-///     Number of blades, 3 to 64; 0 (default) is a round opening.
+///     Number of blades, 3 to 64; 0 (default) is a round aperture.
 /// rotation : float, optional
 ///     Angle in degrees by which the blades are turned, counter-clockwise as seen in the picture for points
 ///     behind the focus plane. At 0 the first corner points to the right. Points in front of the focus plane
@@ -25,15 +25,15 @@ use std::sync::Arc;
 /// roundness : float, optional
 ///     How much the blades bulge: 0 (default) is straight, 1 makes one circle of them.
 /// ratio : float, optional
-///     Height of the opening over its width, Blender's word for an anamorphic lens: 2 draws points twice as high as
+///     Height of the aperture over its width, Blender's word for an anamorphic lens: 2 draws points twice as high as
 ///     wide. The longer half-axis stays ``aperture_radius``. The squeeze is along the picture's axes, after the
 ///     rotation.
 /// obstruction : float, optional
 ///     Part of the way from the centre to the rim that is closed, 0 to 0.95, as by the mirror of a mirror lens. The
-///     hole has the shape of the opening.
+///     hole has the shape of the aperture.
 /// apodization : float, optional
 ///     Standard deviation of a Gaussian transmission as a fraction of the way from the centre to the rim, at
-///     least 0.05. ``None`` (default) is a clear opening.
+///     least 0.05. ``None`` (default) is a clear aperture.
 /// spherical : float, optional
 ///     Spherical aberration, -1 to 1. Behind the focus the light of a point has the density ``1 + spherical * (2 rho**2
 ///     - 1)``, in front of it that with the other sign, where ``rho`` goes from 0 at the centre to 1 at the rim.
@@ -41,8 +41,8 @@ use std::sync::Arc;
 ///     and no light is lost.
 /// image : ndarray or path, optional
 ///     A picture of the transmission, shape (N, M), not negative; or a file to read one from, whose colours are
-///     averaged in linear light. It fills the square around the round opening, which cuts off its corners; only the
-///     ratios of its values matter. It is the whole opening: of the words above only `ratio` goes with it.
+///     averaged in linear light. It fills the square around the round aperture, which cuts off its corners; only the
+///     ratios of its values matter. It is the whole aperture: of the words above only `ratio` goes with it.
 ///
 /// Raises
 /// ------
@@ -272,7 +272,7 @@ impl PyAperture {
         self.to_string()
     }
 
-    /// What a notebook shows: the words of the opening, and what it makes of a point of light.
+    /// What a notebook shows: the words of the aperture, and what it makes of a point of light.
     fn _repr_html_<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         slf.py().import("dofsim._display")?.call_method1("aperture_html", (slf,))
     }

@@ -12,7 +12,7 @@ use crate::rows::render_rows;
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
 
-/// Signed radius of the circle of confusion in pixels.
+/// Signed radius of the circle of confusion of each pixel, in pixels.
 ///
 /// Parameters
 /// ----------

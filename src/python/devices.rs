@@ -44,7 +44,7 @@ impl PyDevice {
     }
 }
 
-/// The adapters of this machine.
+/// The GPUs of this machine, and software rasterisers.
 ///
 /// Returns
 /// -------

@@ -218,7 +218,7 @@ impl<'py> Options<'_, 'py> {
         self.max_radius.take().map(MaxRadius::px)
     }
 
-    /// The shape of the opening.
+    /// The shape of the aperture.
     fn aperture(&self) -> Aperture {
         self.aperture.map_or(Aperture::DISC, |a| a.core.clone())
     }

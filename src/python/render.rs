@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::time::Instant;
 
-/// The picture that a real lens would have taken.
+/// The picture that a lens of finite aperture would have taken.
 ///
 /// Parameters
 /// ----------
@@ -28,7 +28,7 @@ use std::time::Instant;
 ///     GPU if there is one, else the CPU. A software rasteriser is used only if it is named. The environment variable
 ///     ``DOFSIM_DEVICE`` says what ``"auto"`` and ``"gpu"`` stand for.
 /// aperture : Aperture, optional
-///     Shape of the opening; a disc if not given. Methods that cannot draw another shape refuse it.
+///     Shape of the aperture; a disc if not given. A method that cannot draw another shape raises an error.
 /// depth_kind : str, optional
 ///     ``"z"`` (planar, metres, default), ``"distance"`` (from the pinhole along the ray, metres),
 ///     ``"inverse_z"`` (1/m), ``"disparity"`` (relative; needs `Lens.from_disparity`), ``"relative"`` (the same of any
@@ -39,7 +39,7 @@ use std::time::Instant;
 ///     Clip planes in metres, for the kinds that need them. A reversed z-buffer is 0 at the farther plane: give that one
 ///     as `near`. Either may be infinite.
 /// invalid : {"raise", "far"}, optional
-///     What to do with depth that is none (NaN, negative, zero).
+///     What to do with invalid depth (NaN, negative or zero): raise an error, or take it for the background.
 /// invalid_color : {"raise", "fill"}, optional
 ///     What to do with pixels of which a channel is NaN or infinite: refuse the picture, or give them the mean of the valid
 ///     pixels around them; a warning then says how many.
@@ -136,7 +136,7 @@ use std::time::Instant;
 ///   strongest, and as wide as that circle of confusion. (Of the paper's two readings of 0.5, it is the diameter of 1.5
 ///   ``c0_px`` here.) By default half of the largest diameter in the frame.
 ///
-/// ``"sprites"`` draws every blurred pixel as a picture of the opening, in layers in front and behind at half the size;
+/// ``"sprites"`` draws every blurred pixel as a picture of the aperture, in layers in front and behind at half the size;
 /// after "Geometry-Shader-Free Bokeh Depth of Field Rendering" (2012). Any `aperture`, or any picture. Time grows with
 /// the number of blurred pixels and the area of their circles of confusion.
 ///

@@ -49,7 +49,7 @@ class Row:
 
 
 def read_manifest(path: StrPath) -> list[Row]:
-    r"""Read a list of frames.
+    r"""Return the frames that a CSV or JSON-lines file lists.
 
     Parameters
     ----------

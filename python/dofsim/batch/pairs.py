@@ -45,7 +45,7 @@ class Pairing:
 
 
 def pair_files(color: StrPath, depth: StrPath | None = None, *, exclude: StrPath | None = None) -> Pairing:
-    """Find the files of frames.
+    """Return the frames whose picture and depth map belong together by their names.
 
     A file's name in its frame is its path from the folder given (of a pattern: from the part before the first
     wildcard), without the suffix, and without one of the words color, rgb, image, img, left, depth,

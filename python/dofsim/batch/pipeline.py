@@ -31,7 +31,7 @@ def map_frames(
     resume: bool = True,
     failures: str | os.PathLike[str] | None = None,
 ) -> Iterator[Result]:
-    """Render frames and write them.
+    """Render frames, write them, and yield what became of each.
 
     Parameters
     ----------

@@ -70,7 +70,7 @@ class Capture:
         return iter((self.color, self.depth, self.lens))
 
     def render(self, lens: dofsim.Lens | None = None, **options: Any) -> NDArray[np.float32]:
-        """See the scene through its lens, or through another one.
+        """Return the scene seen through its lens, or through another one.
 
         Parameters
         ----------
@@ -105,7 +105,7 @@ def rgbd(
     sensor: int = 0,
     seed: int = 0,
 ) -> Capture:
-    """Render what `dofsim.render` takes: pinhole colour, depth at pixel centres, and the lens.
+    """Return what `dofsim.render` takes of a scene: pinhole colour, depth at pixel centres, and the lens.
 
     Parameters
     ----------

@@ -87,7 +87,7 @@ class Comparison:
         return f"{_shown.html([self.picture, self.reference, difference])}<pre>{escape(str(self))}</pre>"
 
     def plot(self) -> Figure:
-        """Draw both pictures, their difference, the regions and the numbers with `dofsim.plot.compare`.
+        """Return a figure of both pictures, their difference, the regions and the numbers.
 
         Returns
         -------
@@ -114,7 +114,7 @@ def compare(
     progress: bool | None = None,
     **options: Any,
 ) -> Comparison:
-    """Render a scene through Mitsuba's thin lens and through dofsim's, and measure how far they are apart.
+    """Return a scene through Mitsuba's thin lens and through dofsim's, and how far they are apart.
 
     Parameters
     ----------

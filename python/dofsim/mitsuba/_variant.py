@@ -15,7 +15,7 @@ _OLDEST_LLVM = 17
 
 
 def find_llvm() -> Path | None:
-    """Find an LLVM that Mitsuba's ``llvm`` variants can use.
+    """Return the path of an LLVM that Mitsuba's ``llvm`` variants can use.
 
     Returns
     -------
@@ -41,7 +41,7 @@ def find_llvm() -> Path | None:
 
 
 def set_variant(wanted: str | None = None) -> str:
-    """Set a variant of Mitsuba.
+    """Set a variant of Mitsuba, and return its name.
 
     Parameters
     ----------

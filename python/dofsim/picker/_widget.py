@@ -27,7 +27,7 @@ _ROUND = 2
 
 
 class FocusPicker(anywidget.AnyWidget):  # type: ignore[misc, unused-ignore]
-    """Focus a picture by clicking on it, in Jupyter.
+    """A widget that focuses a picture by a click, in Jupyter.
 
     A click or a drag on the picture focuses there; so do the arrow keys. Sliders open the lens, count its
     blades and expose the picture; the blur of every pixel can be laid over it as colour (near red, far blue,
@@ -179,7 +179,7 @@ class FocusPicker(anywidget.AnyWidget):  # type: ignore[misc, unused-ignore]
         self._request = {**self._request, "focus": [x, y], "number": number, "dragging": False}
 
     def render(self) -> NDArray[np.float32]:
-        """Render the picture at its own size as it is set now, without exposure.
+        """Return the picture at its own size as it is set now, without exposure.
 
         Returns
         -------

@@ -66,7 +66,7 @@ impl PyLens {
     /// focal_length_mm : float
     ///     Focal length in millimetres.
     /// f_number : float
-    ///     Focal length over the diameter of the opening.
+    ///     Focal length over the diameter of the aperture.
     /// focus_distance : float
     ///     Distance of the plane in focus in metres; more than the focal length, may be infinite.
     /// sensor_width_mm : float, optional
@@ -224,7 +224,7 @@ impl PyLens {
     /// Returns
     /// -------
     /// Lens
-    ///     With ``aperture_radius = lens / (2 fstop)``, as Cycles has it; that is half the height of its opening, and
+    ///     With ``aperture_radius = lens / (2 fstop)``, as Cycles has it; that is half the height of its aperture, and
     ///     an anamorphic one may be wider.
     ///
     /// Raises
@@ -268,7 +268,7 @@ impl PyLens {
         self.core.focal_length_mm("focal_length_mm").ok()
     }
 
-    /// Focal length over the diameter of the opening; None if the sensor is not known.
+    /// Focal length over the diameter of the aperture; None if the sensor is not known.
     #[getter]
     fn f_number(&self) -> Option<f64> {
         self.core.f_number("f_number").ok()

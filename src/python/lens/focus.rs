@@ -131,7 +131,7 @@ impl PyLens {
     /// IndexError
     ///     If the pixel is outside the picture.
     /// ValueError
-    ///     If the value there is no depth.
+    ///     If the depth there is invalid.
     ///
     /// Examples
     /// --------

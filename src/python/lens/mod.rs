@@ -22,7 +22,7 @@ pub fn hash_text(text: &str) -> u64 {
     hasher.finish()
 }
 
-/// A lens: how wide it is open, where it is focused, how it maps the scene to pixels, and what it gets wrong.
+/// A lens: its aperture, its focus, its field of view and its aberrations.
 ///
 /// The names and units of the first four are those of Mitsuba's ``thinlens`` sensor. Other cameras come in through the
 /// class methods ``from_camera``, ``from_mitsuba``, ``from_blender``, ``from_colmap`` and ``from_disparity``.
@@ -30,7 +30,7 @@ pub fn hash_text(text: &str) -> u64 {
 /// Parameters
 /// ----------
 /// aperture_radius : float
-///     Radius of the opening in metres; 0 is a pinhole.
+///     Radius of the aperture in metres; 0 is a pinhole.
 /// focus_distance : float
 ///     Distance of the plane in focus in metres, along the optical axis; may be infinite. Of a lens with `in_focus` it is
 ///     ``2 / (1/near + 1/far)``, the plane that blurs both ends of the range alike.
@@ -56,8 +56,8 @@ pub fn hash_text(text: &str) -> u64 {
 ///     By how much of themselves the red, green and blue pictures are larger, at most 0.1: 0.001 moves the corner of a
 ///     picture 2000 pixels wide and high by 1.4 pixels.
 /// cat_eye : float, optional
-///     How far a second stop, as large as the opening, seems to move across it from the middle of the picture to its
-///     corners, in radii of the opening, 0 to 1. It clips what is drawn of points away from the middle.
+///     How far a second stop, as large as the aperture, seems to move across it from the middle of the picture to its
+///     corners, in radii of the aperture, 0 to 1. It clips what is drawn of points away from the middle.
 /// vignetting : {"none", "optical", "natural", "full"}, optional
 ///     Whether the picture is darker away from its middle: by what `cat_eye` clips, by the fourth power of the cosine
 ///     of the angle to the axis, or by both.
@@ -228,7 +228,7 @@ impl PyLens {
         Ok(PyLens { core: lens.mounted(mount)?.with_aberrations(aberrations)? })
     }
 
-    /// Radius of the opening in metres; None for a lens over relative disparity.
+    /// Radius of the aperture in metres; None for a lens over relative disparity.
     #[getter]
     fn aperture_radius(&self) -> Option<f64> {
         match self.core.base {
@@ -321,7 +321,7 @@ impl PyLens {
         self.core.aberrations.lateral_color.into()
     }
 
-    /// How far the second stop moves to the corners, in radii of the opening.
+    /// How far the second stop moves to the corners, in radii of the aperture.
     #[getter]
     fn cat_eye(&self) -> f64 {
         self.core.aberrations.cat_eye
