@@ -252,6 +252,7 @@ def batch_command(
         frames.append(frame)
     lists = [path for path in (manifest, lens_file, opening.get("image")) if isinstance(path, (str, Path))]
     _check_paths(frames, output, [Path(path) for path in lists], [one for one in (color, depth) if one])
+    _console.wake(render_options.device, verbose=verbose)
     _check_options(frames[0])
     if dry_run:
         for frame in frames:
@@ -289,11 +290,12 @@ def _check_paths(frames: list[Frame], output: Path, lists: list[Path], searched:
     """
     from .batch.pairs import would_find
     from .batch.pipeline import distinct
+    from .batch.records import SUMMARY
 
     folder = output.resolve()
     read = [path for frame in frames for path in (frame.color, frame.depth) if path is not None]
     inputs = {path.resolve() for path in (*read, *lists)}
-    written = [output / _FAILURES]
+    written = [output / _FAILURES, output / SUMMARY]
     for frame in distinct(frames):
         written += [frame.record, *frame.files.values()]
     for path in written:

@@ -10,9 +10,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TextIO
 
+import dofsim
+
 from ._names import printable
 
-__all__ = ["patience", "set_level", "taken", "to_stderr", "without_noise"]
+__all__ = ["patience", "set_level", "taken", "to_stderr", "wake", "without_noise"]
 
 log = logging.getLogger("dofsim")
 
@@ -95,6 +97,13 @@ def patience(shape: tuple[int, ...], method: str) -> Iterator[None]:
     finally:
         done.set()
         watcher.join()
+
+
+def wake(device: str, *, verbose: bool) -> None:
+    """Look for GPUs before they are needed, and keep what their drivers say about it from the terminal."""
+    if device != "cpu":
+        with without_noise(verbose):
+            dofsim.devices()
 
 
 @contextmanager

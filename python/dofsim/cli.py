@@ -209,6 +209,7 @@ def render_command(
         "alpha": "premultiplied" if has_alpha else "none",
         "transfer": "linear",
     }
+    _console.wake(render_options.device, verbose=verbose)
     start = time.perf_counter()
     with _console.patience(color.shape, render_options.method):
         result = dofsim.render(color, rgbd.depth, lens, **scene_words, **method_words)

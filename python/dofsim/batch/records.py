@@ -18,6 +18,9 @@ from dofsim._report import distribution
 
 from .frames import Frame
 
+# The distribution over the frames of a run, in the folder of the results.
+SUMMARY = "summary.json"
+
 
 def fingerprint(frame: Frame) -> str:
     """Hash what a frame's outputs depend on: parameters, its inputs' sizes and times of change, the version.
@@ -126,7 +129,7 @@ def summarise(frames: Iterable[Frame], folder: Path) -> dict[str, Any]:
         "suspicions": suspicions,
     }
     text = json.dumps(_plain(summary), indent=1) + "\n"
-    _dofsim.write_bytes(folder / "summary.json", text.encode())
+    _dofsim.write_bytes(folder / SUMMARY, text.encode())
     return summary
 
 
