@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import os
+import re
 import subprocess
 import sys
 import time
@@ -170,6 +171,7 @@ def test_render_passes_every_option_on(scene, monkeypatch):
     flags = [word for pair in extra.items() for word in pair]
     assert run(["render", "a.exr", "-o", "o.exr", *LENS_OPTIONS, "--fov-axis", "y", *flags]) == 0
     ((arguments, options),) = calls
+    assert options.pop("out").shape == (HEIGHT // 4 - 4, WIDTH // 4 - 4, 3)
     np.testing.assert_array_equal(arguments[0], color)
     np.testing.assert_array_equal(arguments[1], 2 * depth)
     assert arguments[2] == dofsim.Lens(**LENS, fov_axis="y")
@@ -686,15 +688,19 @@ def test_the_library_tells_its_logger(caplog):
     assert "focus 3 m, blur radius 0 to" in record.getMessage()
 
 
-def test_a_long_render_says_that_it_goes_on(monkeypatch, capsys):
-    monkeypatch.setattr(_console, "_FIRST_WORD_S", 0.05)
-    with _console.to_stderr(), _console.patience((3000, 4000, 3), "lens"):
-        time.sleep(0.3)
+def test_a_long_render_says_how_far_it_is(monkeypatch, capsys):
+    monkeypatch.setattr(_console, "_FIRST_WORD_S", 0.2)
+    monkeypatch.setattr(_console, "_LOOK_S", 0.01)
+    out = np.full((30, 40, 3), np.nan, np.float32)
+    with _console.to_stderr(), _console.patience(out, "lens"):
+        # A quarter at once, and then nothing.
+        out[:, :10] = 0.0
+        time.sleep(0.5)
     lines = capsys.readouterr().err.splitlines()
-    assert 1 <= len(lines) <= 3
-    assert lines[0].startswith("rendering 4000 x 3000 for ")
-    assert "--method gaussian" in lines[0]
-    with _console.to_stderr(), _console.patience((3000, 4000, 3), "lens"):
+    assert len(lines) == 1
+    said = r"rendering 40 x 30: \d+ s so far, 25% done, about [\d.]+ m?s to go; faster, with less detail: "
+    assert re.fullmatch(said + "--method gaussian, levels, hexagonal", lines[0])
+    with _console.to_stderr(), _console.patience(out, "lens"):
         pass
     assert capsys.readouterr().err == ""
 

@@ -6,21 +6,29 @@ import logging
 import os
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 import dofsim
 
 from ._names import printable
 
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
 __all__ = ["patience", "set_level", "taken", "to_stderr", "wake", "without_noise"]
 
 log = logging.getLogger("dofsim")
 
-# A render that takes longer says that it is alive, and again after this many times as long.
+# A render that takes longer says how far it is, and again after this many times as long. So often it is
+# looked at.
 _FIRST_WORD_S = 2.0
 _NEXT_WORD = 4.0
+_LOOK_S = 0.1
+_SAMPLES = 4096
 # What blurs widely in less time than the default, which knows what each point of the lens sees.
 _FASTER = ("gaussian", "levels", "hexagonal")
 
@@ -70,33 +78,48 @@ def taken(seconds: float) -> str:
 
 
 @contextmanager
-def patience(shape: tuple[int, ...], method: str) -> Iterator[None]:
-    """Say that a long render goes on, and what would be faster.
+def patience(out: NDArray[np.float32], method: str) -> Iterator[None]:
+    """Say how far a long render is, how long the rest will take, and what would be faster.
 
     Parameters
     ----------
-    shape : tuple of int
-        Of the picture.
+    out : ndarray
+        What is rendered into, of which NaN is not rendered yet.
     method : str
         How it is rendered.
     """
-    done = threading.Event()
-
-    def watch() -> None:
-        elapsed = _FIRST_WORD_S
-        while not done.wait(elapsed if elapsed == _FIRST_WORD_S else elapsed * (1.0 - 1.0 / _NEXT_WORD)):
-            height, width = shape[:2] if len(shape) < 4 else shape[1:3]
-            advice = f"; faster, with less detail: --method {', '.join(_FASTER)}" if method == "lens" else ""
-            log.info("rendering %d x %d for %.0f s so far%s", width, height, elapsed, advice)
-            elapsed *= _NEXT_WORD
-
-    watcher = threading.Thread(target=watch, daemon=True)
+    over = threading.Event()
+    watcher = threading.Thread(target=_watch, args=(out, method, over), daemon=True)
     watcher.start()
     try:
         yield
     finally:
-        done.set()
+        over.set()
         watcher.join()
+
+
+def _watch(out: NDArray[np.float32], method: str, over: threading.Event) -> None:
+    import numpy as np
+
+    # Enough of the picture to know the share that is done to a few per cent.
+    some = out.reshape(-1)[:: max(1, out.size // _SAMPLES)]
+    height, width = out.shape[:2]
+    start, first, due = time.perf_counter(), None, _FIRST_WORD_S
+    while not over.wait(_LOOK_S):
+        elapsed = time.perf_counter() - start
+        done = 1.0 - float(np.isnan(some).mean())
+        if first is None and done > 0.0:
+            # What comes before is preparation.
+            first = elapsed
+        if elapsed < due:
+            continue
+        text = f"rendering {width} x {height}: {elapsed:.0f} s so far"
+        if first is not None and first < elapsed and 0.0 < done < 1.0:
+            text += f", {done:.0%} done, about {taken((elapsed - first) * (1.0 - done) / done)} to go"
+        if method == "lens":
+            text += f"; faster, with less detail: --method {', '.join(_FASTER)}"
+        log.info("%s", text)
+        due = _NEXT_WORD * elapsed
 
 
 def wake(device: str, *, verbose: bool) -> None:

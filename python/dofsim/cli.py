@@ -163,6 +163,8 @@ def render_command(
     verbose: options.Verbose = False,
 ) -> None:
     """Render a picture through a lens."""
+    import numpy as np
+
     from . import io
     from ._frame import read_framed, squeezed
     from ._report import Report
@@ -199,7 +201,8 @@ def render_command(
     )
     if aperture is not None:
         method_words["aperture"] = aperture
-    grid = {"overscan": framed.overscan, "supersample": render_options.supersample}
+    finer = render_options.supersample
+    grid = {"overscan": framed.overscan, "supersample": finer}
     scene_words: dict[str, Any] = {
         **kind,
         **grid,
@@ -211,8 +214,12 @@ def render_command(
     }
     _console.wake(render_options.device, verbose=verbose)
     start = time.perf_counter()
-    with _console.patience(color.shape, render_options.method):
-        result = dofsim.render(color, rgbd.depth, lens, **scene_words, **method_words)
+    # What is not rendered yet is NaN.
+    height, width = framed.seen_depth(finer).shape[-2:]
+    shape = (height // finer, width // finer, *color.shape[rgbd.depth.ndim :])
+    out = np.full(shape, np.nan, np.float32)
+    with _console.patience(out, render_options.method):
+        result = dofsim.render(color, rgbd.depth, lens, **scene_words, **method_words, out=out)
     seconds = time.perf_counter() - start
 
     result = framed.cut(result)
