@@ -698,7 +698,7 @@ def test_a_long_render_says_how_far_it_is(monkeypatch, capsys):
         time.sleep(0.5)
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1
-    said = r"rendering 40 x 30: \d+ s so far, 25% done, about [\d.]+ m?s to go; faster, with less detail: "
+    said = r"rendering 40 x 30: \d+ s so far, 25% done, about \d+ s to go; faster, with less detail: "
     assert re.fullmatch(said + "--method gaussian, levels, hexagonal", lines[0])
     with _console.to_stderr(), _console.patience(out, "lens"):
         pass

@@ -115,7 +115,7 @@ def _watch(out: NDArray[np.float32], method: str, over: threading.Event) -> None
             continue
         text = f"rendering {width} x {height}: {elapsed:.0f} s so far"
         if first is not None and first < elapsed and 0.0 < done < 1.0:
-            text += f", {done:.0%} done, about {taken((elapsed - first) * (1.0 - done) / done)} to go"
+            text += f", {done:.0%} done, about {(elapsed - first) * (1.0 - done) / done:.0f} s to go"
         if method == "lens":
             text += f"; faster, with less detail: --method {', '.join(_FASTER)}"
         log.info("%s", text)
