@@ -633,6 +633,13 @@ def test_errors_speak_of_options(scene, capsys):
     assert "from_disparity" not in message
     message = fails(capsys, 2, "render", "a.exr", "-o", "o.exr", *LENS_OPTIONS, "--supersample", "7")
     assert "--supersample 7 must divide" in message
+    message = fails(capsys, 2, "render", "a.exr", "-o", "o.exr", *LENS_OPTIONS, "--near", "1")
+    assert '--near and --far are for --depth-kind "zbuffer"' in message
+    both = ["--strength-px", "3", "--strength-percent", "3", "--focus", "0"]
+    message = fails(capsys, 2, "render", "a.exr", "-o", "o.exr", *words, *both)
+    assert "--strength-px excludes --strength-percent" in message
+    message = fails(capsys, 1, "render", "a.exr", "-o", "o.exr", *LENS_OPTIONS, "--device", "gpu:99")
+    assert message.startswith("dofsim: --device: there is no")
     Path("lens.toml").write_text("colour = 3\n")
     message = fails(capsys, 2, "render", "a.exr", "-o", "o.exr", "--lens", "lens.toml")
     assert 'lens.toml: a lens has no "colour"; it has aperture_radius' in message

@@ -131,6 +131,15 @@ def test_every_option_that_is_named_is_one():
                         assert word.split("=")[0].strip(",") in known, (name, span)
 
 
+def test_every_option_that_messages_name_is_one():
+    known = options()
+    for path in (ROOT / "python" / "dofsim").rglob("*.py"):
+        for line in path.read_text(encoding="utf-8").splitlines():
+            for option in re.findall(r"(?<![\w-])--[a-z][a-z-]*[a-z]", line):
+                # An underline of numpydoc has no letters; "--random-" is completed where it stands.
+                assert option in known or option == "--random", (path.name, option)
+
+
 @pytest.mark.parametrize(("name", "code"), PYTHON, ids=identity)
 def test_python_that_is_shown_runs(name, code, folder):
     compiled = compile(code, name, "exec")

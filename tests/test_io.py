@@ -500,7 +500,7 @@ def test_pictures_show_themselves(tmp_path, pixels, transfer, alpha):
     assert "array(" not in text
     path = tmp_path / "shown.png"
     path.write_bytes(image._repr_png_())
-    assert io.read_color(path).pixels.shape[1] <= 800
+    assert io.read_color(path).pixels.shape[1] <= 1000
     depth = np.where(np.arange(pixels.shape[1]) % 3, np.inf, np.arange(pixels.shape[1]) + 1.0)
     both = io.RGBD(pixels, np.broadcast_to(depth, pixels.shape[:2]), transfer, alpha)
     assert "array(" not in repr(both)

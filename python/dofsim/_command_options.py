@@ -443,8 +443,11 @@ def in_options(message: str) -> str:
     if any(words in message for words in _OF_FILES):
         return message
     message = _NAMED.sub(lambda found: _OPTIONS[found[0]], message)
-    name, must, rest = message.partition(" must ")
-    return f"{_OPTIONS[name]}{must}{rest}" if name in _OPTIONS else message
+    for after in (" must ", ": "):
+        name, found, rest = message.partition(after)
+        if name in _OPTIONS:
+            return f"{_OPTIONS[name]}{found}{rest}"
+    return message
 
 
 def with_groups(command: Callable[..., T]) -> Callable[..., T]:
@@ -515,7 +518,8 @@ _SAID = {
     UNITS: "Is it millimetres (--depth-scale 0.001) or disparity (--depth-kind relative)?",
     "Pass max_coc_px to bound": "Pass --max-coc-px to bound",
     "negate them": "negate them (--depth-scale -1)",
-    "near and far are for depth_kind": "--near and --far are for --depth-kind",
+    "near and far are for depth_kind=": "--near and --far are for --depth-kind ",
+    "from_disparity() takes one of strength_px and": "--strength-px excludes",
     "needs a lens made by Lens.from_disparity": "needs a lens of --strength-percent or --strength-px and "
     "--focus",
     "the lens was made by Lens.from_disparity": "the lens is one of --strength-percent or --strength-px",

@@ -383,4 +383,5 @@ def _quoted(words: list[str]) -> str:
 
 
 def _spell(words: tuple[str, ...] | list[str]) -> str:
-    return " ".join("--" + word.replace("_", "-") for word in words)
+    # A sensor by its name is a word of files alone.
+    return " ".join("--" + word.replace("_", "-") for word in words if word != "sensor")

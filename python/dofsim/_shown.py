@@ -15,7 +15,7 @@ from ._dofsim import encode_png
 __all__ = ["described", "grey", "html", "png"]
 
 # The width of a column of text in notebooks.
-_WIDEST_PX = 800
+_WIDEST_PX = 1000
 
 
 def described(pixels: NDArray[Any]) -> str:

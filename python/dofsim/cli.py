@@ -97,7 +97,7 @@ def run(arguments: list[str]) -> int:
     except RecursionError:
         return _fail("what was given is nested too deeply", 2)
     except (dofsim.DeviceError, ImportError, MemoryError) as error:
-        return _fail(str(error) or "not enough memory", 1)
+        return _fail(options.in_options(str(error)) or "not enough memory", 1)
     except Exception as error:
         # Typer brings a copy of Click or uses the installed one, depending on its version, so its usage
         # errors are known by what they offer and not by their class.
