@@ -655,7 +655,9 @@ def test_quiet_and_verbose(scene, capsys):
     assert run(["render", "a.exr", "-o", "o.exr", *LENS_OPTIONS, "-q"]) == 0
     assert capsys.readouterr() == ("", "")
     assert run(["render", "a.exr", "-o", "o.exr", *LENS_OPTIONS, "-v"]) == 0
-    assert "o.exr: " in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert repr(dofsim.Lens(**LENS)) in said
+    assert "method lens, device auto" in said
 
 
 @pytest.mark.parametrize(

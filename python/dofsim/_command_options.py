@@ -186,7 +186,9 @@ Invalid = Annotated[
     str,
     typer.Option(
         metavar="WHAT",
-        help="What to do with invalid depth (NaN, negative or zero): raise an error, or take it as far.",
+        help="What to do with invalid depth (NaN, negative or zero): raise (an error, default) or far (take "
+        "it "
+        "for the background).",
         rich_help_panel=_DEPTH,
     ),
 ]
@@ -216,8 +218,9 @@ InvalidColor = Annotated[
     str,
     typer.Option(
         metavar="WHAT",
-        help="What to do with pixels whose colour is NaN or infinite: raise an error, or fill them with the "
-        "mean of those around them.",
+        help="What to do with pixels whose colour is NaN or infinite: raise (an error, default) or fill "
+        "(with "
+        "the mean of those around them).",
         rich_help_panel=_PICTURE,
     ),
 ]
@@ -296,7 +299,7 @@ SampleType = Annotated[
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors and warnings only.")]
 Verbose = Annotated[
-    bool, typer.Option("--verbose", "-v", help="Print also which channels, windows and devices were chosen.")
+    bool, typer.Option("--verbose", "-v", help="Print also the lens, the method and what was read.")
 ]
 
 

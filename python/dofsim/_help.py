@@ -65,12 +65,11 @@ def usage(command: Any, ctx: Any) -> str:
     str
         Such as ``"IMAGE [DEPTH] [OPTIONS]"``.
     """
-    words = []
-    for parameter in command.get_params(ctx):
-        if parameter.param_type_name == "argument":
-            name = _argument_name(parameter)
-            words.append(name if parameter.required else f"[{name}]")
-        elif parameter.required:
+    parameters = command.get_params(ctx)
+    arguments = [one for one in parameters if one.param_type_name == "argument"]
+    words = [_argument_name(one) if one.required else f"[{_argument_name(one)}]" for one in arguments]
+    for parameter in parameters:
+        if parameter.required and parameter not in arguments:
             words.append(f"{min(parameter.opts, key=len)} {parameter.metavar}")
     words.append("[OPTIONS]" if not isinstance(command, Group) else "COMMAND [OPTIONS]")
     return " ".join(words)
@@ -140,6 +139,6 @@ def _meaning(parameter: Any) -> str:
     default = parameter.default
     if parameter.required:
         return f"{text} Required."
-    if parameter.is_flag or default in (None, "") or callable(default) or "(default" in text:
+    if parameter.is_flag or default in (None, "") or callable(default) or "default)" in text:
         return text
     return f"{text} [default: {default}]"

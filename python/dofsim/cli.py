@@ -212,6 +212,14 @@ def render_command(
         "alpha": "premultiplied" if has_alpha else "none",
         "transfer": "linear",
     }
+    log.debug("%s: %r", image, rgbd)
+    log.debug("%r", lens)
+    log.debug(
+        "method %s, device %s, %s",
+        render_options.method,
+        render_options.device,
+        aperture or "a round aperture",
+    )
     _console.wake(render_options.device, verbose=verbose)
     start = time.perf_counter()
     # What is not rendered yet is NaN.
