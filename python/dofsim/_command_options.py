@@ -46,8 +46,7 @@ InFocus = Annotated[
     typer.Option(
         metavar="NEAR,FAR",
         help="Keep a range in focus in place of a plane: its ends in metres, of which the farther may be "
-        "inf. "
-        "With --strength-px or --strength-percent, the ends are disparities.",
+        "inf. With --strength-px or --strength-percent, the ends are disparities.",
         rich_help_panel=_LENS,
     ),
 ]
@@ -129,8 +128,7 @@ Preset = Annotated[
     typer.Option(
         metavar="NAME",
         help="Read depth as it is written by: hypersim, kitti, nyu, tum, scannet, middlebury, sintel, "
-        "mitsuba, "
-        "blender. The options below win.",
+        "mitsuba, blender. The options below win.",
         rich_help_panel=_DEPTH,
     ),
 ]
@@ -187,8 +185,7 @@ Invalid = Annotated[
     typer.Option(
         metavar="WHAT",
         help="What to do with invalid depth (NaN, negative or zero): raise (an error, default) or far (take "
-        "it "
-        "for the background).",
+        "it for the background).",
         rich_help_panel=_DEPTH,
     ),
 ]
@@ -219,8 +216,7 @@ InvalidColor = Annotated[
     typer.Option(
         metavar="WHAT",
         help="What to do with pixels whose colour is NaN or infinite: raise (an error, default) or fill "
-        "(with "
-        "the mean of those around them).",
+        "(with the mean of those around them).",
         rich_help_panel=_PICTURE,
     ),
 ]
@@ -229,8 +225,7 @@ WindowOption = Annotated[
     typer.Option(
         metavar="WINDOW",
         help="Which pixels of an OpenEXR file: display (default), or data, by which what is stored beyond "
-        "the "
-        "display window is used as overscan.",
+        "the display window is used as overscan.",
         rich_help_panel=_PICTURE,
     ),
 ]

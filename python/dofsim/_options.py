@@ -53,8 +53,7 @@ APERTURE_WORDS = (
 # Why depth of integers is refused, and the way out. The command line says the same in its own words.
 INTEGER_DEPTH = (
     "which have no unit of their own. Pass scale=0.001 (or depth_scale=0.001) for millimetres, 1 for a "
-    "network's "
-    "relative disparity, or the reading of one of dofsim.presets.PRESETS"
+    "network's relative disparity, or the reading of one of dofsim.presets.PRESETS"
 )
 # What whole numbers that were taken for metres may be, likewise.
 UNITS = 'Is it millimetres (depth_scale=0.001) or disparity (depth_kind="relative")?'
