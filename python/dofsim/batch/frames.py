@@ -43,7 +43,8 @@ class Frame:
     seed : int
         Chooses the pixel of ``focus_at="random"``.
     reading : mapping
-        Arguments of `dofsim.io.read_rgbd` by name, and ``alpha`` in place of that of the file.
+        Arguments of `dofsim.io.read_rgbd` by name, and ``alpha`` in place of that of the file. By
+        ``window="data"``, what an OpenEXR file stores beyond its display window is overscan.
     options : mapping
         Arguments of `dofsim.render` by name, those of the method among them.
     dtype : {"half", "float", "uint8", "uint16"}, optional
