@@ -35,7 +35,7 @@ def expected(tmp_path, monkeypatch):
     run.communicate(timeout=HANG_S)
     assert run.returncode == 0
     files = contents("calm")
-    assert len(files) == 4 * COUNT
+    assert len(files) == 4 * COUNT + 1
     return files
 
 

@@ -147,6 +147,11 @@ def read_camera(path: Path) -> None:
     dofsim.Aperture.from_blender(path)
 
 
+def read_depth(path: Path) -> None:
+    # Integers need a scale.
+    io.read_depth(path, scale=1.0)
+
+
 def command(path: Path, *arguments: str) -> None:
     """Run the command, which says in lines of its own what is wrong and writes nothing but its output."""
     before = {one for one in path.parent.iterdir() if one.name not in ("o.exr", "out")}
@@ -172,12 +177,23 @@ class Refused(Exception):
 
 def render(path: Path) -> None:
     picture = str(path.parent / "a.exr")
-    command(path, "render", picture, "-o", str(path.parent / "o.exr"), "--lens", str(path), "--device", "cpu")
+    command(
+        path,
+        "render",
+        picture,
+        "-o",
+        str(path.parent / "o.exr"),
+        "--lens",
+        str(path),
+        "--device",
+        "cpu",
+        "-q",
+    )
 
 
 def batch(path: Path) -> None:
     read_manifest(path)
-    lens = ("--aperture-radius", "0.05", "--focus-distance", "2", "--fov", "40", "--device", "cpu")
+    lens = ("--aperture-radius", "0.05", "--focus-distance", "2", "--fov", "40", "--device", "cpu", "-q")
     command(path, "batch", "--manifest", str(path), "-o", str(path.parent / "out"), *lens)
 
 
@@ -195,12 +211,12 @@ class Kind:
 
 
 KINDS = {
-    "npy": Kind(".npy", seeds_npy, io.read_depth),
+    "npy": Kind(".npy", seeds_npy, read_depth),
     "npz": Kind(".npz", seeds_npz, io.read_rgbd),
     # A window of 4096 x 4096 pixels is always believed to be seen: four layers of five floats.
     "deep": Kind(".exr", seeds_deep, io.read_rgbd, 32 + 16 * 4 * 5 * 4),
     # A chunk may take 64 MiB, and is inflated once to be looked at, and once to be read.
-    "hdf5": Kind(".h5", seeds_hdf5, io.read_depth, 32 + 2 * 64),
+    "hdf5": Kind(".h5", seeds_hdf5, read_depth, 32 + 2 * 64),
     "dpt": Kind(".dpt", seeds_dpt, io.read_depth),
     "mitsuba": Kind(".xml", seeds_xml, dofsim.Lens.from_mitsuba),
     "blender": Kind(".json", seeds_json, read_camera),
