@@ -90,7 +90,8 @@ def test_render_writes_what_the_function_gives(scene, capsys):
     assert run(["render", "a.exr", "-o", "o.exr", *LENS_OPTIONS]) == 0
     out, err = capsys.readouterr()
     assert out == ""
-    said = f"o.exr: {WIDTH} x {HEIGHT}, depth 1.5 to 6 m and infinity, focus 3 m, blur radius 0.4 to 0.9 px, "
+    seen = "depth 1.5 to 6 m and the background, focus 3 m"
+    said = f"o.exr: {WIDTH} x {HEIGHT}, {seen}, blur radius 0.4 to 0.9 px, "
     assert err.startswith(said)
     assert err.count("\n") == 1
     expected = dofsim.render(color, depth, dofsim.Lens(**LENS))
@@ -649,6 +650,22 @@ def test_errors_speak_of_options(scene, capsys):
 
 
 # What was done, and what is suspicious
+
+
+@pytest.mark.parametrize(
+    ("kind", "values", "said"),
+    [
+        ("z", [0.0, -1.0, np.nan, 2.0, 3.0], "depth 2 to 3 m and the background, focus 2 m"),
+        ("inverse_z", [0.0, 0.25, 0.5, 0.5, 0.5], "inverse depth 0.25 to 0.5 1/m and the background"),
+        ("zbuffer", [0.0, 0.25, 0.5, 0.5, 1.0], "z-buffer values 0 to 1, focus"),
+    ],
+)
+def test_the_range_is_that_of_surfaces(scene, capsys, kind, values, said):
+    np.save("d.npy", np.resize(np.array(values, np.float32), (HEIGHT, WIDTH)))
+    words = ["--depth-kind", kind, "--invalid", "far", "--focus-distance", "2"]
+    words += ["--near", "1", "--far", "9"] if kind == "zbuffer" else []
+    assert run(["render", "a.png", "d.npy", "-o", "o.png", *LENS_OPTIONS, *words]) == 0
+    assert said in capsys.readouterr().err
 
 
 def test_quiet_and_verbose(scene, capsys):

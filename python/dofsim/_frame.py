@@ -104,8 +104,8 @@ def read_framed(
     if window not in (None, *WINDOWS):
         raise ValueError(f"window must be one of {', '.join(WINDOWS)}; got {window!r}")
     if _deep.exr_kind(color) != "flat" or (depth is not None and _deep.exr_kind(depth) == "deep"):
-        if window == "data" and _deep.exr_kind(color) is None:
-            raise ValueError(f"{color}: window is for OpenEXR files, which alone have one")
+        if window == "data":
+            raise ValueError(f"{color}: window='data' is for pictures in flat OpenEXR files")
         return Framed(rgbd=io.read_rgbd(color, depth, **reading), overscan=overscan)
     file = ExrFile.of(color)
     part = file.color_channels(reading.get("layer"))[0].part

@@ -34,6 +34,8 @@ _QUANTITIES = {
     "opengl_ndc": ("z-buffer values", ""),
 }
 
+_POSITIVE = ("z", "distance", "distance_from_near", "inverse_z")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Report:
@@ -44,9 +46,9 @@ class Report:
     kind : str
         What the depth measures.
     depth : tuple of float, optional
-        The least and the greatest finite value of the depth, in the unit of its kind; None without any.
+        The least and the greatest value of the depth of a surface, in the unit of its kind; None without any.
     has_background : bool
-        Whether some pixels are infinitely far.
+        Whether some pixels see no surface: they are infinitely far, or invalid and taken for that.
     focus : str
         What is in focus, with its unit.
     radius_px : tuple of float
@@ -56,7 +58,7 @@ class Report:
     opened : bool
         Whether the lens is no pinhole.
     whole_numbers : bool
-        Whether all finite depth is whole numbers, of which there are several.
+        Whether all depth of surfaces is whole numbers, of which there are several.
     """
 
     kind: str
@@ -102,7 +104,11 @@ class Report:
         seen = depth[..., margin : height - margin, margin : width - margin]
         radius = np.abs(coc(np.ascontiguousarray(seen), lens, invalid="far", max_coc_px=max_coc_px, **kind))
         radius /= supersample
-        finite = seen[np.isfinite(seen)]
+        # What is not positive is the background, or invalid and taken for it, but for what has any sign.
+        is_surface = np.isfinite(seen)
+        if kind.get("depth_kind", "z") in _POSITIVE:
+            is_surface &= seen > 0.0
+        finite = seen[is_surface]
         least, greatest = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
         strength = (lens.aperture_radius, lens.strength_px, lens.strength_percent)
         return cls(
@@ -123,7 +129,7 @@ class Report:
 
     def _depth(self) -> str:
         name, unit = _QUANTITIES.get(self.kind, ("depth", ""))
-        far = " and infinity" if self.has_background else ""
+        far = " and the background" if self.has_background else ""
         if self.depth is None:
             return f"{name} infinite everywhere"
         low, high = (f"{value:.3g}" for value in self.depth)
