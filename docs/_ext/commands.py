@@ -1,5 +1,6 @@
 """The directive ``commands``: every command with all of its options, from the commands themselves."""
 
+import re
 from typing import Any
 
 import typer
@@ -28,7 +29,7 @@ def _section(name: str, command: Any) -> nodes.section:
     section = nodes.section(ids=[f"command-{name}"])
     section += nodes.title(text=f"dofsim {name}")
     for paragraph in command.help.split("\n\n"):
-        section += nodes.paragraph(text=" ".join(paragraph.split()))
+        section += _paragraph(" ".join(paragraph.split()))
     section += nodes.literal_block(text=f"dofsim {name} {_help.usage(command, context)}", language="text")
     for subject, rows in _help.sections(command, context).items():
         section += nodes.rubric(text=subject)
@@ -36,10 +37,18 @@ def _section(name: str, command: Any) -> nodes.section:
         for option, meaning in rows:
             identity = f"{name}-{option.split()[-2 if ' ' in option else 0].strip(',')}"
             term = nodes.term("", "", nodes.literal(text=option), ids=[nodes.make_id(identity)])
-            definition = nodes.definition("", nodes.paragraph(text=meaning))
+            definition = nodes.definition("", _paragraph(meaning))
             items += nodes.definition_list_item("", term, definition)
         section += items
     return section
+
+
+def _paragraph(text: str) -> nodes.paragraph:
+    """Set options, and what stands between backticks, as they are typed."""
+    paragraph = nodes.paragraph()
+    for index, part in enumerate(re.split(r"(--[a-z][\w-]*|`[^`]+`)", text)):
+        paragraph += nodes.literal(text=part.strip("`")) if index % 2 else nodes.Text(part)
+    return paragraph
 
 
 def setup(app: Any) -> dict[str, Any]:
