@@ -22,7 +22,7 @@ impl Aperture {
         }
     }
 
-    fn is_plain_disc(&self) -> bool {
+    pub(super) fn is_plain_disc(&self) -> bool {
         self.profile == Profile::FLAT && self.squeeze == [1.0; 2] && self.lean == [0.0; 2]
     }
 

@@ -12,6 +12,7 @@
 use super::kernel::Kernel;
 use super::opening::Aperture;
 use super::profile::Side;
+use std::collections::HashMap;
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::OnceLock;
 
@@ -35,6 +36,8 @@ const PULL: f64 = 3e-4;
 /// The pull grows with the squared distance from the opening's rim, so that weights appear and disappear smoothly as
 /// the opening grows.
 const PULL_PER_PX2: f64 = 0.1;
+/// Pixels so far beyond the rim have no weight.
+const BEYOND_PX: f64 = 1.5;
 /// Steps of the minimisation. What then remains of the error inside the band is a third of a percent.
 const STEPS: usize = 200;
 /// Weights below this part of the total are left out.
@@ -118,39 +121,52 @@ impl Aperture {
 
     /// The image of a point under shift `t` pixels, as weights of pixels with the transfer function of the opening.
     pub fn transfer_kernel(&self, t: f64) -> Kernel {
+        // Radii at which kernels of a frame are apart.
+        const PER_PX: f64 = 16.0;
+        static OF_DISC: [OnceLock<Kernel>; (BY_AREA_PX * PER_PX) as usize] =
+            [const { OnceLock::new() }; (BY_AREA_PX * PER_PX) as usize];
+        let step = t.abs() * PER_PX;
+        if self.is_plain_disc() && step.fract() == 0.0 && t.abs() < BY_AREA_PX {
+            return OF_DISC[step as usize].get_or_init(|| self.new_transfer_kernel(t.abs())).clone();
+        }
+        self.new_transfer_kernel(t)
+    }
+
+    fn new_transfer_kernel(&self, t: f64) -> Kernel {
         let by_area = self.kernel(t);
         if t == 0.0 || t.abs() >= BY_AREA_PX {
             return by_area;
         }
         let fit = Fit::new(self, &by_area, t);
         let fitted = fit.minimum();
-        let share = ((BY_AREA_PX - t.abs()) / (BY_AREA_PX - FITTED_PX)).min(1.0);
         let total: f64 = fitted.iter().sum();
-        let mut weights: Vec<f64> =
-            fitted.iter().zip(&fit.areas).map(|(f, a)| share * f / total + (1.0 - share) * a).collect();
-        let across = 2 * fit.reach + 1;
+        let is_fitted = ((BY_AREA_PX - t.abs()) / (BY_AREA_PX - FITTED_PX)).min(1.0);
         let exchanged = (NO_LONGER_EXCHANGED_PX - t.abs()) / (NO_LONGER_EXCHANGED_PX - EXCHANGED_PX);
         let exchanged = exchanged.clamp(0.0, 1.0);
         let [beside, over] = self.loss_per_px2().map(|loss| f64::from(exchange(loss, t as f32)));
-        weights.iter_mut().for_each(|weight| *weight *= 1.0 - exchanged);
-        let mut add = |dx: i32, dy: i32, weight: f64| {
-            weights[((dy + fit.reach) * across + dx + fit.reach) as usize] += exchanged * weight;
+        let of_exchange = |pixel: [i32; 2]| match pixel {
+            [0, 0] => 1.0 - 2.0 * (beside + over),
+            [-1 | 1, 0] => beside,
+            [0, -1 | 1] => over,
+            _ => 0.0,
         };
-        add(0, 0, 1.0 - 2.0 * (beside + over));
-        [-1, 1].into_iter().for_each(|d| {
-            add(d, 0, beside);
-            add(0, d, over);
-        });
-        Kernel::from_weights(fit.reach, |dx, dy| {
-            let weight = weights[((dy + fit.reach) * across + dx + fit.reach) as usize];
-            if weight < NEGLIGIBLE { 0.0 } else { weight }
-        })
+        let mut weights: HashMap<[i32; 2], f64> = HashMap::new();
+        for ((&pixel, fitted), area) in fit.pixels.iter().zip(&fitted).zip(&fit.areas) {
+            let far = is_fitted * fitted / total + (1.0 - is_fitted) * area;
+            let weight = exchanged * of_exchange(pixel) + (1.0 - exchanged) * far;
+            if weight >= NEGLIGIBLE {
+                weights.insert(pixel, weight);
+            }
+        }
+        Kernel::from_weights(fit.reach, |dx, dy| weights.get(&[dx, dy]).copied().unwrap_or(0.0))
     }
 }
 
 /// A problem of least squares: see the module.
 struct Fit {
     reach: i32,
+    /// The pixels that may have a weight.
+    pixels: Vec<[i32; 2]>,
     /// The covered areas, as parts of the whole.
     areas: Vec<f64>,
     /// The symmetric matrix, row by row, and the right-hand side.
@@ -161,33 +177,34 @@ struct Fit {
 impl Fit {
     fn new(aperture: &Aperture, by_area: &Kernel, t: f64) -> Fit {
         let (of_pixels, of_samples) = (BandMeans::of_pixels(), BandMeans::of_samples());
-        let reach = (t.abs() + 1.5).ceil() as i32;
-        let across = 2 * reach + 1;
-        let pixels: Vec<[f64; 2]> =
-            (0..across * across).map(|i| [i % across, i / across].map(|v| f64::from(v - reach))).collect();
+        let within = t.abs() + BEYOND_PX;
+        let reach = within.ceil() as i32;
+        let square = (-reach..=reach).flat_map(|dy| (-reach..=reach).map(move |dx| [dx, dy]));
+        let from_centre = |[dx, dy]: [i32; 2]| f64::from(dx).hypot(f64::from(dy));
+        let pixels: Vec<[i32; 2]> = square.filter(|&pixel| from_centre(pixel) <= within).collect();
+        let areas: HashMap<[i32; 2], f64> =
+            by_area.weights().map(|(dx, dy, weight)| ([dx, dy], f64::from(weight))).collect();
+        let areas: Vec<f64> = pixels.iter().map(|pixel| areas.get(pixel).copied().unwrap_or(0.0)).collect();
+        let places: Vec<[f64; 2]> = pixels.iter().map(|pixel| pixel.map(f64::from)).collect();
         let distance = |a: &[f64; 2], b: &[f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
-        let mut areas = vec![0.0; pixels.len()];
-        for (dx, dy, weight) in by_area.weights() {
-            areas[((dy + reach) * across + dx + reach) as usize] = f64::from(weight);
-        }
         let opening: Vec<([f64; 2], f64)> = aperture
             .kernel_on(Side::of(t), f64::from(FINE) * t)
             .weights()
             .map(|(dx, dy, weight)| ([dx, dy].map(|v| f64::from(v) / f64::from(FINE)), f64::from(weight)))
             .collect();
         let mut matrix: Vec<f64> =
-            pixels.iter().flat_map(|a| pixels.iter().map(move |b| of_pixels.at(distance(a, b)))).collect();
+            places.iter().flat_map(|a| places.iter().map(move |b| of_pixels.at(distance(a, b)))).collect();
         let mean_over_opening = |p: &[f64; 2]| {
             opening.iter().map(|(u, weight)| weight * of_samples.at(distance(p, u))).sum::<f64>()
         };
-        let mut wanted: Vec<f64> = pixels.iter().map(mean_over_opening).collect();
-        for (i, p) in pixels.iter().enumerate() {
-            let beyond = (p[0].hypot(p[1]) - t.abs() - 0.5).max(0.0);
+        let mut wanted: Vec<f64> = places.iter().map(mean_over_opening).collect();
+        for (i, &pixel) in pixels.iter().enumerate() {
+            let beyond = (from_centre(pixel) - t.abs() - 0.5).max(0.0);
             let pull = PULL + PULL_PER_PX2 * beyond * beyond;
             matrix[i * pixels.len() + i] += pull;
             wanted[i] += pull * areas[i];
         }
-        Fit { reach, areas, matrix, wanted }
+        Fit { reach, pixels, areas, matrix, wanted }
     }
 
     /// The weights that minimise the error, none of them negative: by projected gradients with Nesterov's momentum,

@@ -177,8 +177,8 @@ fn unmix_pixel(frame: &FrontLayer, x: usize, y: usize) -> Option<MixedPixel> {
     let unexplained = frame.norm2(pixel.rest(pure.coverage));
     let contrast = frame.norm2(sub(front, back));
     let limit = UNEXPLAINED * (front_variance + back_variance + contrast + floor);
-    // From the limit on and up to twice of it, one explanation fades into the other.
-    let foreign = (unexplained / limit - 1.0).clamp(0.0, 1.0);
+    // From half of the limit on, one explanation fades into the other.
+    let foreign = (2.0 * unexplained / limit - 1.0).clamp(0.0, 1.0);
     let split = if foreign == 0.0 {
         pure
     } else {
@@ -188,7 +188,9 @@ fn unmix_pixel(frame: &FrontLayer, x: usize, y: usize) -> Option<MixedPixel> {
             if frame.s[index] > middle { (SEEN_AT_CENTRE, 1.0) } else { (1.0, SEEN_AT_CENTRE) };
         let varied = |own: f32, s: f32, color: [f32; 4], variance: f32| {
             let pure = variance + floor;
-            pure + foreign * (own * (spread(frame, x, y, s, color) + pure) - pure)
+            let varied = own * (spread(frame, x, y, s, color) + pure);
+            // Variances fade by ratios: the spread may be many times the other.
+            if foreign < 1.0 { pure * (varied / pure).powf(foreign) } else { varied }
         };
         pixel.split(
             varied(own_front, s_front, front, front_variance),
