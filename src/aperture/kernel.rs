@@ -16,14 +16,17 @@ impl Aperture {
     pub fn kernel_on(&self, side: Side, t: f64) -> Kernel {
         let reach = (t.abs() + 0.5).ceil() as i32;
         match &self.shape {
-            Shape::Outline(Outline::Disc) if self.is_plain_disc() => disc_kernel(t, reach),
+            _ if self.is_plain_disc() => disc_kernel(t, reach),
             Shape::Outline(outline) => self.outline_kernel(outline, side, t, reach),
             Shape::Picture(picture) => self.picture_kernel(picture, t, reach),
         }
     }
 
     pub(super) fn is_plain_disc(&self) -> bool {
-        self.profile == Profile::FLAT && self.squeeze == [1.0; 2] && self.lean == [0.0; 2]
+        matches!(self.shape, Shape::Outline(Outline::Disc))
+            && self.profile == Profile::FLAT
+            && self.squeeze == [1.0; 2]
+            && self.lean == [0.0; 2]
     }
 
     /// The kernel of an opening with an outline: a weighted sum of the areas of polygons.
