@@ -14,6 +14,9 @@ pub struct Rays {
 }
 
 impl Rays {
+    /// Rays that are all parallel to the optical axis: along them, distance is `z`.
+    pub const PARALLEL: Rays = Rays { focal_px: f64::INFINITY, centre: [0.0; 2] };
+
     /// The length of a pixel's ray relative to its `z`.
     fn length(&self, x: usize, y: usize) -> f64 {
         let dx = (x as f64 - self.centre[0]) / self.focal_px;
@@ -35,6 +38,13 @@ pub enum DepthKind {
     Disparity,
     /// Relative disparity of any scale, which is normalised to 0 (far) to 1 (near); see [`normalize`].
     Relative,
+    /// The same, where `far` becomes 0 and `near` 1: one scale for all pictures of a sequence.
+    RelativeBetween {
+        /// The value that becomes 0.
+        far: f64,
+        /// The value that becomes 1.
+        near: f64,
+    },
     /// Post-projection depth, from `first` to 1. Either plane may be infinite, and either the nearer.
     ZBuffer {
         /// Distance in metres at the value `first`.
@@ -63,6 +73,7 @@ impl DepthKind {
             DepthKind::Distance => valid(v > 0.0, ray_length / v),
             DepthKind::InverseZ => valid(v >= 0.0, v),
             DepthKind::Disparity | DepthKind::Relative => v,
+            DepthKind::RelativeBetween { far, near } => (v - far) / (near - far),
             // 1/z is affine in post-projection depth: 1/near at the first value, 1/far at 1.
             DepthKind::ZBuffer { near, far, first } => {
                 let t = (v - first) / (1.0 - first);
@@ -70,6 +81,21 @@ impl DepthKind {
             }
             DepthKind::DistanceFromNear { .. } if v == 0.0 => 0.0,
             DepthKind::DistanceFromNear { near } => valid(v >= 0.0, (v / ray_length + near).recip()),
+        }
+    }
+
+    /// The value of this kind of a point of disparity `d`; the inverse of [`disparity`](Self::disparity).
+    pub fn value(self, d: f64) -> f64 {
+        match self {
+            DepthKind::Z | DepthKind::Distance => d.recip(),
+            DepthKind::InverseZ | DepthKind::Disparity | DepthKind::Relative => d,
+            DepthKind::RelativeBetween { far, near } => far + d * (near - far),
+            DepthKind::ZBuffer { near, far, first } => {
+                let t = (near.recip() - d) / (near.recip() - far.recip());
+                first + t.clamp(0.0, 1.0) * (1.0 - first)
+            }
+            DepthKind::DistanceFromNear { .. } if d == 0.0 => 0.0,
+            DepthKind::DistanceFromNear { near } => (d.recip() - near).max(0.0),
         }
     }
 
@@ -95,6 +121,7 @@ impl DepthKind {
             | DepthKind::Disparity
             | DepthKind::Relative
             | DepthKind::DistanceFromNear { .. } => 0.0,
+            DepthKind::RelativeBetween { far, .. } => far as f32,
             DepthKind::ZBuffer { near, far, first } => (if near > far { first } else { 1.0 }) as f32,
         }
     }
@@ -104,7 +131,9 @@ impl DepthKind {
         match self {
             DepthKind::Z | DepthKind::Distance => "depths greater than 0 (infinity is background)",
             DepthKind::InverseZ => "inverse depths that are finite and not negative",
-            DepthKind::Disparity | DepthKind::Relative => "finite disparities",
+            DepthKind::Disparity | DepthKind::Relative | DepthKind::RelativeBetween { .. } => {
+                "finite disparities"
+            }
             DepthKind::ZBuffer { first: -1.0, .. } => "values from -1 to 1",
             DepthKind::ZBuffer { .. } => "values from 0 to 1",
             DepthKind::DistanceFromNear { .. } => "distances not negative (0 is background)",
@@ -205,7 +234,7 @@ pub fn disparity_plane(
             }
             Invalid::Far => {
                 let far = match kind {
-                    DepthKind::Disparity | DepthKind::Relative => {
+                    DepthKind::Disparity | DepthKind::Relative | DepthKind::RelativeBetween { .. } => {
                         out.iter().copied().fold(f32::INFINITY, f32::min)
                     }
                     _ => 0.0,
@@ -260,6 +289,8 @@ mod tests {
         ] {
             let d = one(kind, v).unwrap();
             assert!((d - 1.0 / z).abs() < 1e-6, "{kind:?}: {d}");
+            let back = kind.value(f64::from(d)) as f32;
+            assert!((back - v).abs() < 1e-5 * v.abs().max(1.0), "{kind:?}: {back} for {v}");
         }
     }
 

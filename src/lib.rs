@@ -2,6 +2,7 @@
 
 pub mod aperture;
 pub mod cancel;
+pub mod clipped;
 pub mod color;
 mod cpu;
 pub mod depth;
@@ -9,6 +10,7 @@ pub mod device;
 pub mod error;
 pub mod files;
 mod gpu;
+pub mod matte;
 mod memory;
 pub mod method;
 mod mirror;
@@ -17,6 +19,7 @@ pub mod picture;
 pub mod plan;
 #[cfg(feature = "python")]
 mod python;
+pub mod refine;
 pub mod renderer;
 mod rows;
 mod scene;

@@ -11,7 +11,10 @@ from dofsim._dofsim import (
     __version__,
     coc,
     devices,
+    layers_from_matte,
+    refine_depth,
     render,
+    restore_highlights,
     sensors,
 )
 from dofsim._focus import focus_pull
@@ -33,7 +36,10 @@ __all__ = [
     "coc",
     "devices",
     "focus_pull",
+    "layers_from_matte",
+    "refine_depth",
     "render",
+    "restore_highlights",
 ]
 
 

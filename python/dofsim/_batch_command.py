@@ -214,6 +214,7 @@ def batch_command(
         "transfer": _options.one_of("--transfer", render_options.transfer, io.TRANSFERS),
         "alpha": _options.one_of("--alpha", render_options.alpha, io.ALPHAS),
         **({} if (window := render_options.framing()["window"]) is None else {"window": window}),
+        "same_size": not render_options.refine_depth,
     }
     rendering = {
         "method": render_options.method,
@@ -223,6 +224,7 @@ def batch_command(
         "invalid_color": render_options.invalid_color,
         "overscan": render_options.overscan,
         "supersample": render_options.supersample,
+        "refine": render_options.refine_depth,
         **render_options.method_words(opening),
     }
     frames = []

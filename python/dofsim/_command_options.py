@@ -180,6 +180,14 @@ DepthChannel = Annotated[
         metavar="NAME", help="Channel of an OpenEXR file, or array of an NPZ file.", rich_help_panel=_DEPTH
     ),
 ]
+DepthRange = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FAR,NEAR",
+        help="Of relative depth, the values that are far and near; by default those of each picture.",
+        rich_help_panel=_DEPTH,
+    ),
+]
 Invalid = Annotated[
     str,
     typer.Option(
@@ -253,6 +261,14 @@ MaxCoc = Annotated[
         metavar="PIXELS",
         help="Largest radius of the circle of confusion, in pixels.",
         rich_help_panel=_RENDERING,
+    ),
+]
+RefineDepth = Annotated[
+    bool,
+    typer.Option(
+        "--refine-depth",
+        help="Sharpen soft, coarse or noisy depth first; it may then be of any size.",
+        rich_help_panel=_DEPTH,
     ),
 ]
 Method = Annotated[
@@ -366,6 +382,7 @@ class DepthOptions:
     depth_scale: DepthScale = None
     depth_missing: DepthMissing = None
     depth_channel: DepthChannel = None
+    depth_range: DepthRange = None
     invalid: Invalid = "raise"
 
     def read(self) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -373,7 +390,10 @@ class DepthOptions:
         kind, reading = _options.read_preset(
             self.preset, self.depth_kind, self.depth_scale, self.depth_missing
         )
-        kind_words = {"depth_kind": kind, "near": self.near, "far": self.far}
+        kind_words: dict[str, Any] = {"depth_kind": kind, "near": self.near, "far": self.far}
+        if self.depth_range is not None:
+            what = "two disparities, FAR,NEAR"
+            kind_words["depth_range"] = _options.read_numbers("--depth-range", self.depth_range, float, what)
         return kind_words, {"depth_channel": self.depth_channel, **reading}
 
 
@@ -386,6 +406,7 @@ class RenderOptions:
     alpha: Alpha = None
     invalid_color: InvalidColor = "raise"
     max_coc_px: MaxCoc = None
+    refine_depth: RefineDepth = False
     method: Method = "lens"
     method_options: MethodOptions = None
     device: Device = "auto"
@@ -494,7 +515,7 @@ _OPTIONS = {
     for field in fields(group)
 } | {
     name: f"--{name.replace('_', '-')}"
-    for name in ("border", "limit", "outputs", "sharp_radius_px", "slices")
+    for name in ("border", "limit", "nearest_m", "outputs", "quality", "sharp_radius_px", "slices")
 }
 _OPTIONS["scale"] = "--depth-scale"
 _OPTIONS["lens_file"] = "--lens"
@@ -522,6 +543,9 @@ _SAID = {
     "--focus",
     "the lens was made by Lens.from_disparity": "the lens is one of --strength-percent or --strength-px",
     "(depth_channel)": "(--depth-channel)",
+    "(refine_depth)": "(--refine-depth)",
     "(layer)": "(--layer)",
+    "(transfer)": "(--transfer)",
+    "refine is for a picture": "--refine-depth is for a picture",
     "dofsim.devices()": "`dofsim devices`",
 }

@@ -10,6 +10,7 @@ __all__ = [
     "HIGHLIGHT_RATIO",
     "Aperture",
     "AxialBlur",
+    "Beside",
     "Device",
     "DeviceError",
     "ExrPart",
@@ -17,17 +18,23 @@ __all__ = [
     "Scene",
     "__version__",
     "coc",
+    "decode_by_curves",
     "decode_codes",
     "devices",
+    "encode_by_curves",
     "encode_codes",
     "encode_png",
     "exr_parts",
     "file_kind",
     "focusable_pixels",
+    "layers_from_matte",
     "methods_available",
+    "parse_profile",
     "read_exr",
     "read_raster",
+    "refine_depth",
     "render",
+    "restore_highlights",
     "restrict_devices",
     "sensors",
     "simd_available",
@@ -293,6 +300,7 @@ class Lens:
         depth_kind: _DepthKind = "z",
         near: float | None = None,
         far: float | None = None,
+        depth_range: _Pair | None = None,
     ) -> Lens: ...
     def focused_on(
         self,
@@ -303,6 +311,7 @@ class Lens:
         depth_kind: _DepthKind = "z",
         near: float | None = None,
         far: float | None = None,
+        depth_range: _Pair | None = None,
     ) -> Lens: ...
     def focused_on_plane(
         self,
@@ -313,6 +322,7 @@ class Lens:
         depth_kind: _DepthKind = "z",
         near: float | None = None,
         far: float | None = None,
+        depth_range: _Pair | None = None,
     ) -> Lens: ...
     def _repr_html_(self, /) -> str: ...
     def __eq__(self, other: object, /) -> bool: ...
@@ -330,12 +340,14 @@ class Scene:
         depth_kind: _DepthKind = "z",
         near: float | None = None,
         far: float | None = None,
+        depth_range: _Pair | None = None,
         invalid: _Invalid = "raise",
         invalid_color: _InvalidColor = "raise",
         alpha: _Alpha | None = None,
         transfer: _Transfer | None = None,
         overscan: int = 0,
         supersample: int = 1,
+        refine: bool = False,
     ) -> Scene: ...
     @property
     def filled_pixels(self, /) -> int: ...
@@ -628,6 +640,15 @@ class Scene:
     ) -> list[tuple[str, float]]: ...
 
 @final
+class Beside:
+    @property
+    def profile(self, /) -> bytes | None: ...
+    @property
+    def exif(self, /) -> bytes | None: ...
+    @property
+    def orientation(self, /) -> int: ...
+
+@final
 class ExrPart:
     @property
     def name(self, /) -> str | None: ...
@@ -648,10 +669,55 @@ def coc(
     depth_kind: _DepthKind = "z",
     near: float | None = None,
     far: float | None = None,
+    depth_range: _Pair | None = None,
     invalid: _Invalid = "raise",
     in_focus: _Pair | None = None,
     max_coc_px: float | None = None,
 ) -> NDArray[np.float32]: ...
+def layers_from_matte(
+    color: NDArray[np.floating[Any]] | NDArray[np.integer[Any]],
+    matte: NDArray[np.floating[Any]],
+    depth: NDArray[np.floating[Any]],
+    *,
+    transfer: _Transfer | None = None,
+    threads: int | None = None,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
+def restore_highlights(
+    color: NDArray[np.floating[Any]] | NDArray[np.integer[Any]],
+    *,
+    max_gain: float = 16.0,
+    alpha: _Alpha | None = None,
+    transfer: _Transfer | None = None,
+    threads: int | None = None,
+) -> NDArray[np.float32]: ...
+@overload
+def refine_depth(
+    color: NDArray[np.floating[Any]] | NDArray[np.integer[Any]],
+    depth: NDArray[np.floating[Any]],
+    *,
+    depth_kind: _DepthKind = "z",
+    near: float | None = None,
+    far: float | None = None,
+    invalid: _Invalid = "raise",
+    alpha: _Alpha | None = None,
+    transfer: _Transfer | None = None,
+    threads: int | None = None,
+    return_coverage: Literal[False] = False,
+) -> NDArray[np.float32]: ...
+@overload
+def refine_depth(
+    color: NDArray[np.floating[Any]] | NDArray[np.integer[Any]],
+    depth: NDArray[np.floating[Any]],
+    *,
+    depth_kind: _DepthKind = "z",
+    near: float | None = None,
+    far: float | None = None,
+    invalid: _Invalid = "raise",
+    alpha: _Alpha | None = None,
+    transfer: _Transfer | None = None,
+    threads: int | None = None,
+    return_coverage: Literal[True],
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
 @overload
 def render(
     color: NDArray[_Sample],
@@ -664,6 +730,7 @@ def render(
     depth_kind: _DepthKind = "z",
     near: float | None = None,
     far: float | None = None,
+    depth_range: _Pair | None = None,
     invalid: _Invalid = "raise",
     invalid_color: _InvalidColor = "raise",
     alpha: _Alpha | None = None,
@@ -672,6 +739,7 @@ def render(
     supersample: int = 1,
     in_focus: _Pair | None = None,
     max_coc_px: float | None = None,
+    refine: bool = False,
     threads: int | None = None,
     out: NDArray[Any] | None = None,
     **options: Unpack[_LensOptions],
@@ -688,6 +756,7 @@ def render(
     depth_kind: _DepthKind = "z",
     near: float | None = None,
     far: float | None = None,
+    depth_range: _Pair | None = None,
     invalid: _Invalid = "raise",
     invalid_color: _InvalidColor = "raise",
     alpha: _Alpha | None = None,
@@ -696,6 +765,7 @@ def render(
     supersample: int = 1,
     in_focus: _Pair | None = None,
     max_coc_px: float | None = None,
+    refine: bool = False,
     threads: int | None = None,
     out: NDArray[Any] | None = None,
     **options: Unpack[_PoissonOptions],
@@ -712,6 +782,7 @@ def render(
     depth_kind: _DepthKind = "z",
     near: float | None = None,
     far: float | None = None,
+    depth_range: _Pair | None = None,
     invalid: _Invalid = "raise",
     invalid_color: _InvalidColor = "raise",
     alpha: _Alpha | None = None,
@@ -720,6 +791,7 @@ def render(
     supersample: int = 1,
     in_focus: _Pair | None = None,
     max_coc_px: float | None = None,
+    refine: bool = False,
     threads: int | None = None,
     out: NDArray[Any] | None = None,
     **options: Unpack[_GaussianOptions],
@@ -736,6 +808,7 @@ def render(
     depth_kind: _DepthKind = "z",
     near: float | None = None,
     far: float | None = None,
+    depth_range: _Pair | None = None,
     invalid: _Invalid = "raise",
     invalid_color: _InvalidColor = "raise",
     alpha: _Alpha | None = None,
@@ -744,6 +817,7 @@ def render(
     supersample: int = 1,
     in_focus: _Pair | None = None,
     max_coc_px: float | None = None,
+    refine: bool = False,
     threads: int | None = None,
     out: NDArray[Any] | None = None,
     **options: Unpack[_TapsOptions],
@@ -760,6 +834,7 @@ def render(
     depth_kind: _DepthKind = "z",
     near: float | None = None,
     far: float | None = None,
+    depth_range: _Pair | None = None,
     invalid: _Invalid = "raise",
     invalid_color: _InvalidColor = "raise",
     alpha: _Alpha | None = None,
@@ -768,6 +843,7 @@ def render(
     supersample: int = 1,
     in_focus: _Pair | None = None,
     max_coc_px: float | None = None,
+    refine: bool = False,
     threads: int | None = None,
     out: NDArray[Any] | None = None,
     **options: Unpack[_HexagonalOptions],
@@ -784,6 +860,7 @@ def render(
     depth_kind: _DepthKind = "z",
     near: float | None = None,
     far: float | None = None,
+    depth_range: _Pair | None = None,
     invalid: _Invalid = "raise",
     invalid_color: _InvalidColor = "raise",
     alpha: _Alpha | None = None,
@@ -792,6 +869,7 @@ def render(
     supersample: int = 1,
     in_focus: _Pair | None = None,
     max_coc_px: float | None = None,
+    refine: bool = False,
     threads: int | None = None,
     out: NDArray[Any] | None = None,
     **options: Unpack[_LevelsOptions],
@@ -808,6 +886,7 @@ def render(
     depth_kind: _DepthKind = "z",
     near: float | None = None,
     far: float | None = None,
+    depth_range: _Pair | None = None,
     invalid: _Invalid = "raise",
     invalid_color: _InvalidColor = "raise",
     alpha: _Alpha | None = None,
@@ -816,6 +895,7 @@ def render(
     supersample: int = 1,
     in_focus: _Pair | None = None,
     max_coc_px: float | None = None,
+    refine: bool = False,
     threads: int | None = None,
     out: NDArray[Any] | None = None,
     **options: Unpack[_SpritesOptions],
@@ -827,6 +907,7 @@ def focusable_pixels(
     depth_kind: _DepthKind = "z",
     near: float | None = None,
     far: float | None = None,
+    depth_range: _Pair | None = None,
 ) -> NDArray[np.int64]: ...
 def methods_available() -> list[str]: ...
 def restrict_devices(
@@ -838,6 +919,11 @@ def uploaded_bytes() -> int: ...
 
 # Files; `dofsim.io` is the public face of these.
 
+def decode_by_curves(codes: NDArray[Any], curves: NDArray[np.float32]) -> NDArray[np.float32]: ...
+def encode_by_curves(
+    values: NDArray[np.float32], curves: NDArray[np.float32], *, sixteen: bool
+) -> NDArray[Any]: ...
+def parse_profile(icc: bytes, lights: int) -> tuple[str, NDArray[np.float32], list[list[float]]]: ...
 def decode_codes(codes: NDArray[Any], *, srgb: bool, alpha: bool) -> NDArray[np.float32]: ...
 def encode_codes(values: NDArray[np.float32], *, sixteen: bool, alpha: bool) -> NDArray[Any]: ...
 def encode_png(pixels: NDArray[Any]) -> bytes: ...
@@ -848,7 +934,7 @@ def file_kind(path: _Path) -> Literal[
 def read_exr(
     path: _Path, part: int, channels: list[str], *, data: bool, fill: float
 ) -> NDArray[np.float32]: ...
-def read_raster(path: _Path) -> tuple[NDArray[Any], _Alpha]: ...
+def read_raster(path: _Path, *, turned: bool = False) -> tuple[NDArray[Any], _Alpha, Beside]: ...
 def write_bytes(path: _Path, bytes: bytes) -> None: ...
 def write_exr(
     path: _Path,
@@ -859,5 +945,7 @@ def write_exr(
     corner: tuple[int, int] | None = None,
 ) -> None: ...
 def write_pfm(path: _Path, pixels: NDArray[Any]) -> None: ...
-def write_png(path: _Path, pixels: NDArray[Any]) -> None: ...
-def write_tiff(path: _Path, pixels: NDArray[Any], premultiplied: bool) -> None: ...
+def write_png(path: _Path, pixels: NDArray[Any], profile: bytes | None = None) -> None: ...
+def write_tiff(
+    path: _Path, pixels: NDArray[Any], premultiplied: bool, profile: bytes | None = None
+) -> None: ...

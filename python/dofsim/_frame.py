@@ -119,7 +119,7 @@ def read_framed(
         corner = (x, y) if (supersample, overscan) == (1, 0) else None
         rgbd = io.read_rgbd(color, depth, **reading)
         return Framed(rgbd=rgbd, overscan=overscan, corner=corner, unused=margin, **words)
-    if _sides_of_depth(file, depth, reading) != sides:
+    if _sides_of_depth(file, depth, (seen_width, seen_height), reading) != sides:
         if window == "data" or overscan:
             raise ValueError(f"{color}: the data window of the depth is another one; pass window='display'")
         return Framed(rgbd=io.read_rgbd(color, depth, **reading), overscan=0, corner=(x, y), **words)
@@ -207,14 +207,19 @@ def _margin(path: StrPath, margin: int, window: io.Window | None, overscan: int)
     return overscan or margin
 
 
-def _sides_of_depth(file: ExrFile, depth: StrPath | None, reading: dict[str, Any]) -> Sides | None:
+def _sides_of_depth(
+    file: ExrFile, depth: StrPath | None, size: tuple[int, int], reading: dict[str, Any]
+) -> Sides | None:
     if depth is None:
         found = file.depth_channel(reading.get("depth_channel"), reading.get("layer"))
         return file.beyond(found.part)
     if _deep.exr_kind(depth) != "flat":
         return None
     other = ExrFile.of(depth)
-    return other.beyond(other.depth_channels(reading.get("depth_channel"), None)[0].part)
+    there = other.depth_channels(reading.get("depth_channel"), None)[0].part
+    # A margin of as many pixels of another size is not the same one.
+    alike = other.parts[there].display_window[2:] == size
+    return other.beyond(there) if alike else None
 
 
 def _framed(values: NDArray[Any], sides: Sides, margin: int) -> NDArray[Any]:

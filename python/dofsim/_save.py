@@ -13,6 +13,7 @@ from . import _arrays, _dofsim
 from ._alpha import premultiply, unpremultiply
 from ._exr import Compression
 from ._files import StrPath
+from ._profile import ColorProfile
 
 Alpha = Literal["none", "straight", "premultiplied"]
 SampleType = Literal["half", "float", "uint8", "uint16"]
@@ -51,6 +52,7 @@ def write_image(
     compression: Compression | None = None,
     attributes_of: StrPath | None = None,
     corner: tuple[int, int] | None = None,
+    profile: ColorProfile | None = None,
 ) -> None:
     """Write a picture in the format that the suffix names.
 
@@ -85,6 +87,10 @@ def write_image(
     corner : tuple of int, optional
         Column and row of the display window of ``attributes_of`` where the picture begins: ``(0, 0)`` and its
         size for the whole of it. Without it the picture has a display window of its own.
+    profile : ColorProfile, optional
+        The colour profile that ``pixels`` are of: floats are linear light of its primaries, and integers are
+        its codes. PNG and TIFF of integers are written with it. What is written as floats is linear light of
+        Rec. 709's primaries, as these formats have it without further words.
 
     Raises
     ------
@@ -111,6 +117,14 @@ def write_image(
         integer = np.issubdtype(array.dtype, np.integer)
         alpha = ("straight" if integer else "premultiplied") if has_alpha else "none"
     transfer = _transfer_of(array, transfer)
+    icc = None
+    if profile is not None and kind not in ("npy", "npz"):
+        if kind in ("png", "tiff") and issubclass(_target(kind, array, dtype), np.integer):
+            array, icc = _in_profile(array, _target(kind, array, dtype), alpha, profile), profile.icc
+            transfer, alpha, dtype = "srgb", "none" if alpha == "none" else "straight", None
+        else:
+            array, transfer = _in_rec709(array, alpha, profile), "linear"
+            alpha = "none" if alpha == "none" else "premultiplied"
     plane = None if depth is None else _depth_plane(depth, array.shape[:2])
     if plane is not None and kind not in ("exr", "npz"):
         raise ValueError(f"{path}: only OpenEXR and NPZ hold depth beside the picture; use write_depth")
@@ -135,9 +149,9 @@ def write_image(
                 corner=corner,
             )
         elif kind == "png":
-            _dofsim.write_png(path, values)
+            _dofsim.write_png(path, values, icc)
         elif kind == "tiff":
-            _dofsim.write_tiff(path, values, target is np.float32)
+            _dofsim.write_tiff(path, values, target is np.float32, icc)
         else:
             _dofsim.write_pfm(path, values)
 
@@ -274,6 +288,36 @@ def _converted(
     ):
         raise ValueError("half floats end at 65504, and there are larger values; use dtype='float'")
     return np.ascontiguousarray(values, target)
+
+
+def _linear_of_profile(array: NDArray[Any], profile: ColorProfile) -> NDArray[np.float32]:
+    lights = (1 if array.ndim == 2 else array.shape[2]) - (array.ndim == 3 and array.shape[2] in (2, 4))
+    if lights != len(profile.curves):
+        raise ValueError(
+            f"profile {profile.name!r} is of {len(profile.curves)} channels, and pixels have {lights}"
+        )
+    return profile.decode(array) if array.dtype.kind == "u" else np.asarray(array, np.float32)
+
+
+def _in_profile(
+    array: NDArray[Any], target: type[np.generic], alpha: Alpha, profile: ColorProfile
+) -> NDArray[Any]:
+    """Give codes of a profile with straight alpha."""
+    if array.dtype == target and alpha != "premultiplied":
+        return array
+    values = _linear_of_profile(array, profile)
+    values = unpremultiply(values) if alpha == "premultiplied" else values
+    return profile.encode(values, sixteen=target is np.uint16)
+
+
+def _in_rec709(array: NDArray[Any], alpha: Alpha, profile: ColorProfile) -> NDArray[np.float32]:
+    """Give linear light of Rec. 709's primaries, premultiplied."""
+    values = _linear_of_profile(array, profile)
+    values = premultiply(values) if alpha == "straight" else values
+    if len(profile.curves) == 1:
+        return values
+    light = values[..., :3] @ profile.to_rec709.T.astype(np.float32)
+    return np.concatenate([light, values[..., 3:]], axis=-1)
 
 
 def _exr_channels(values: NDArray[Any]) -> list[tuple[str, NDArray[Any]]]:

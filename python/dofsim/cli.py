@@ -24,6 +24,7 @@ from . import _console, _options
 from ._batch_command import batch_command
 from ._help import Command, Group
 from ._names import listed, printable
+from ._photo_command import photo_command
 
 if TYPE_CHECKING:
     from ._frame import Framed
@@ -179,18 +180,29 @@ def render_command(
         layer=render_options.layer,
         **reading,
         transfer=_options.one_of("--transfer", render_options.transfer, io.TRANSFERS),
+        same_size=not render_options.refine_depth,
     )
+    picture = framed.rgbd.image
+    if chosen := _options.one_of("--alpha", render_options.alpha, io.ALPHAS):
+        picture = replace(picture, alpha=chosen)
+    color = picture.to_linear()
+    has_alpha = picture.alpha != "none"
+    if render_options.refine_depth:
+        sharp = dofsim.refine_depth(
+            color,
+            framed.rgbd.depth,
+            **{name: value for name, value in kind.items() if name != "depth_range"},
+            invalid=depth_options.invalid,
+            alpha="premultiplied" if has_alpha else "none",
+            threads=render_options.threads,
+        )
+        framed = replace(framed, rgbd=replace(framed.rgbd, depth=sharp))
     rgbd = framed.rgbd
     _say_what_was_read(image, depth or image, framed)
     words, opening = lens_options.read(
         framed.seen_depth(render_options.supersample), aperture_options, **kind
     )
     _check_input(output, opening.get("image"))
-    picture = io.Image(rgbd.color, rgbd.transfer, rgbd.alpha)
-    if chosen := _options.one_of("--alpha", render_options.alpha, io.ALPHAS):
-        picture = replace(picture, alpha=chosen)
-    color = picture.to_linear()
-    has_alpha = picture.alpha != "none"
     sample_type = _options.one_of("--dtype", dtype, io.SAMPLE_TYPES)
     if sample_type is None and rgbd.color.dtype == "uint16" and io.holds(output, "uint16"):
         sample_type = "uint16"
@@ -238,6 +250,7 @@ def render_command(
         dtype=sample_type,
         attributes_of=framed.source,
         corner=framed.corner,
+        profile=picture.profile,
     )
     report = Report.of(rgbd.depth, lens, **kind, **grid, max_coc_px=render_options.max_coc_px)
     log.info("%s: %d x %d, %s, %s", output, result.shape[1], result.shape[0], report, _console.taken(seconds))
@@ -298,6 +311,7 @@ def coc_command(
 
 
 app.command("batch", cls=Command, no_args_is_help=True)(batch_command)
+app.command("photo", cls=Command, no_args_is_help=True)(photo_command)
 
 
 @app.command("compare", cls=Command, no_args_is_help=True)

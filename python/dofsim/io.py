@@ -5,8 +5,9 @@ Deep OpenEXR files are read as layers, with the extra ``deep``.
 
 What kind of light a file holds follows from its type, unless the caller says otherwise:
 
-* integer files (PNG, integer TIFF) hold sRGB code values with straight alpha. Their pixels keep their
-  integer type, and the transfer function is stated beside them for `dofsim.render`;
+* integer files (PNG, integer TIFF) hold code values with straight alpha: those of their colour profile, or of
+  sRGB if they have none. Their pixels keep their integer type, and the transfer function is stated beside
+  them for `dofsim.render`;
 * float files hold linear light. Alpha is premultiplied in OpenEXR, and taken to be so in NumPy files.
 
 Files are recognised by their first bytes when they are read and by their suffix when they are written. They
@@ -29,6 +30,7 @@ from ._channels import Channel
 from ._exr import ExrFile, list_channels, read_exr, write_exr
 from ._files import StrPath
 from ._options import INTEGER_DEPTH
+from ._profile import ColorProfile
 from ._save import (
     ALPHAS,
     SAMPLE_TYPES,
@@ -48,6 +50,7 @@ __all__ = [
     "SAMPLE_TYPES",
     "SUFFIXES",
     "TRANSFERS",
+    "ColorProfile",
     "Image",
     "holds",
     "list_channels",
@@ -61,6 +64,7 @@ __all__ = [
 ]
 
 Window = Literal["display", "data"]
+Coding = Literal["linear", "srgb", "profile"]
 
 # Suffixes that files of the kinds read here have; they are recognised by their contents all the same.
 READABLE_SUFFIXES = (*SUFFIXES, ".jpg", ".jpeg", ".webp", ".bmp", ".hdr", ".dpt", ".h5", ".hdf5")
@@ -75,18 +79,21 @@ class Image:
     pixels : ndarray
         Shape (H, W) or (H, W, C), C from 2 to 4, in the type of the file; half floats of OpenEXR are widened
         to float32.
-    transfer : {"linear", "srgb"}
-        How the values stand for light.
+    transfer : {"linear", "srgb", "profile"}
+        How the values stand for light; by the curves of ``profile`` if these are not sRGB's.
     alpha : {"none", "straight", "premultiplied"}
         What the last channel is if C is 2 or 4.
     channels : tuple of str
         The full names of the channels of an OpenEXR file that were read; empty for other files.
+    profile : ColorProfile, optional
+        The colour profile of a file of integers that has one.
     """
 
     pixels: NDArray[Any]
-    transfer: Transfer
+    transfer: Coding
     alpha: Alpha
     channels: tuple[str, ...] = ()
+    profile: ColorProfile | None = None
 
     def __repr__(self) -> str:
         """Return the size, the type and what the values mean."""
@@ -101,14 +108,16 @@ class Image:
         return np.array(self.pixels, dtype) if copy else np.asarray(self.pixels, dtype)
 
     def to_linear(self) -> NDArray[np.float32]:
-        """Return the pixels as float32, linear light, premultiplied.
+        """Return the pixels as float32, linear light of the picture's own primaries, premultiplied.
 
         Returns
         -------
         ndarray of float32
             The shape of ``pixels``.
         """
-        if np.issubdtype(self.pixels.dtype, np.integer):
+        if self.transfer == "profile" and self.profile is not None:
+            values = self.profile.decode(self.pixels)
+        elif np.issubdtype(self.pixels.dtype, np.integer):
             values = _dofsim.decode_codes(
                 np.ascontiguousarray(self.pixels), srgb=self.transfer == "srgb", alpha=self.alpha != "none"
             )
@@ -127,7 +136,7 @@ class RGBD:
         Shape (H, W) or (H, W, C), in the type of the file; of layers, (L, H, W, 4).
     depth : ndarray of float32
         Shape (H, W); of layers, (L, H, W).
-    transfer : {"linear", "srgb"}
+    transfer : {"linear", "srgb", "profile"}
         How the values of ``color`` stand for light.
     alpha : {"none", "straight", "premultiplied"}
         What the last channel of ``color`` is if C is 2 or 4.
@@ -135,14 +144,22 @@ class RGBD:
         The full names of the channels of an OpenEXR file that ``color`` was read from; empty for other files.
     depth_channel : str, optional
         The full name of the channel of an OpenEXR file that ``depth`` was read from; None for other files.
+    profile : ColorProfile, optional
+        The colour profile of ``color``.
     """
 
     color: NDArray[Any]
     depth: NDArray[np.float32]
-    transfer: Transfer
+    transfer: Coding
     alpha: Alpha
     color_channels: tuple[str, ...] = ()
     depth_channel: str | None = None
+    profile: ColorProfile | None = None
+
+    @property
+    def image(self) -> Image:
+        """The picture, with what its values mean."""
+        return Image(self.color, self.transfer, self.alpha, self.color_channels, self.profile)
 
     def __repr__(self) -> str:
         """Return the size, the type and what the values mean."""
@@ -179,7 +196,8 @@ def read_color(
         which array of an NPZ or HDF5 file. Without it the layer is chosen by its name, see
         `dofsim._channels`; in an NPZ file it is ``color`` or the only array.
     transfer : {"linear", "srgb"}, optional
-        What an integer file holds. The default is ``"srgb"``.
+        What an integer file holds. By default its colour profile says it, and of a file without one it is
+        ``"srgb"``.
     window : {"display", "data"}, optional
         Which pixels of an OpenEXR file: those to be seen, transparent black where nothing is stored, or those
         that are stored.
@@ -210,6 +228,7 @@ def read_color(
     """
     kind = _datasets.file_kind(path)
     alpha: Alpha = "none"
+    icc: bytes | None = None
     if kind == "exr":
         file = ExrFile.of(path)
         channels = file.color_channels(layer)
@@ -221,12 +240,25 @@ def read_color(
     elif kind == "hdf5":
         pixels = _datasets.read_hdf5(path, layer)
     else:
-        pixels, alpha = _dofsim.read_raster(path)
+        pixels, alpha, beside = _dofsim.read_raster(path)
+        icc = beside.profile
     numpy_file = kind in ("npy", "npz")
     integer = _check_color(path, pixels, layers=numpy_file, transfer=transfer)
     if numpy_file and pixels.ndim > 2 and pixels.shape[-1] in (2, 4):
         alpha = "straight" if integer else "premultiplied"
-    return Image(pixels, (transfer or "srgb") if integer else "linear", alpha)
+    if icc is None or transfer is not None or not integer:
+        return Image(pixels, (transfer or "srgb") if integer else "linear", alpha)
+    return image_of_profile(path, pixels, alpha, icc)
+
+
+def image_of_profile(path: StrPath, pixels: NDArray[Any], alpha: Alpha, icc: bytes) -> Image:
+    """Give integers of a file the meaning that their colour profile has."""
+    lights = (1 if pixels.ndim == 2 else pixels.shape[-1]) - (alpha != "none")
+    try:
+        profile = ColorProfile.parse(icc, lights)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}; or say what it holds (transfer)") from error
+    return Image(pixels, "srgb" if profile.is_srgb_coded else "profile", alpha, profile=profile)
 
 
 def read_depth(
@@ -311,6 +343,7 @@ def read_rgbd(
     transfer: Transfer | None = None,
     window: Window = "display",
     max_layers: int = 4,
+    same_size: bool = True,
 ) -> RGBD:
     """Return a picture and its depth, read from one file or two.
 
@@ -336,6 +369,9 @@ def read_rgbd(
     max_layers : int, optional
         The most layers that the samples of a deep OpenEXR file are merged to, without loss of light; such
         files need the extra ``deep``.
+    same_size : bool, optional
+        Whether to refuse a picture and a depth of different sizes, which only `dofsim.refine_depth` and
+        ``refine=True`` take.
 
     Returns
     -------
@@ -392,7 +428,9 @@ def read_rgbd(
         layer=layer if depth_path is None else None,
         window=window,
     )
-    return _checked_rgbd(color_path, image, plane, name)
+    if same_size:
+        return _checked_rgbd(color_path, image, plane, name)
+    return RGBD(image.pixels, plane, image.transfer, image.alpha, image.channels, name, image.profile)
 
 
 def read_named_depth(
@@ -423,7 +461,7 @@ def read_named_depth(
     elif kind == "dpt":
         depth = _datasets.read_dpt(path)
     else:
-        depth, _ = _dofsim.read_raster(path)
+        depth, _, _ = _dofsim.read_raster(path)
     layers = kind in ("npy", "npz") and depth.ndim == 3
     if not layers:
         depth = _of_one_colour(path, depth)
@@ -468,8 +506,13 @@ def _checked_rgbd(
         sizes = [" x ".join(map(str, one.shape[layers : layers + 2][::-1])) for one in (image.pixels, depth)]
         if sizes[0] == sizes[1] or layers:
             sizes = [_describe(image.pixels), _describe(depth)]
-        raise ValueError(f"{path}: the picture is {sizes[0]}, its depth {sizes[1]}; they must be of one size")
-    return RGBD(image.pixels, depth, image.transfer, image.alpha, image.channels, depth_channel)
+        raise ValueError(
+            f"{path}: the picture is {sizes[0]}, its depth {sizes[1]}; depth of another size must be refined "
+            "(refine_depth)"
+        )
+    return RGBD(
+        image.pixels, depth, image.transfer, image.alpha, image.channels, depth_channel, image.profile
+    )
 
 
 def _check_scale(scale: float | None, name: str) -> None:

@@ -4,8 +4,7 @@
 //! are errors. JPEG has no checksum, so that a changed byte whose codes still make sense cannot be told from a picture.
 
 use super::error::Problem;
-use super::photo::check_orientation;
-use super::raster::{Alpha, Raster, Samples};
+use super::raster::{Alpha, Beside, Raster, Samples};
 use super::source::{Source, check_claim};
 use image::metadata::Orientation;
 use std::io::Read;
@@ -24,8 +23,10 @@ pub(super) fn read(mut source: Source) -> Result<Raster, Problem> {
     let sides = DecoderOptions::default().set_max_width(usize::MAX).set_max_height(usize::MAX);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(&bytes), sides.set_strict_mode(false));
     decoder.decode_headers()?;
-    let exif = decoder.exif().and_then(|exif| Orientation::from_exif_chunk(exif));
-    check_orientation(exif.unwrap_or(Orientation::NoTransforms))?;
+    let exif = decoder.exif().cloned();
+    let orientation = exif.as_ref().and_then(|exif| Orientation::from_exif_chunk(exif));
+    let orientation = orientation.unwrap_or(Orientation::NoTransforms).to_exif();
+    let beside = Beside { profile: decoder.icc_profile(), exif, orientation };
     let (Some((width, height)), Some(stored)) = (decoder.dimensions(), decoder.input_colorspace()) else {
         return Err(Problem::Damaged("there is no picture in it".into()));
     };
@@ -38,7 +39,7 @@ pub(super) fn read(mut source: Source) -> Result<Raster, Problem> {
     let mut samples = vec![0; width * height * channels];
     decoder.set_options(sides.set_strict_mode(true).jpeg_set_out_colorspace(space));
     decoder.decode_into(&mut samples)?;
-    Ok(Raster { width, height, channels, alpha: Alpha::None, samples: Samples::U8(samples) })
+    Ok(Raster { width, height, channels, alpha: Alpha::None, samples: Samples::U8(samples), beside })
 }
 
 /// Refuses a file that stops before the marker that ends its picture.

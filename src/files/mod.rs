@@ -12,20 +12,22 @@ pub mod openexr;
 pub mod pfm;
 mod photo;
 pub mod png;
+pub mod profile;
 mod raster;
 mod source;
 pub mod tiff;
 
 pub use error::{FileError, Problem, Result};
 pub use kind::{Kind, kind};
-pub use raster::{Alpha, Pixels, Raster, Samples, Shape};
+pub use raster::{Alpha, Beside, Pixels, Raster, Samples, Shape};
 
 use image::ImageFormat;
 use source::{open, with_path};
 use std::path::Path;
 
-/// Reads a file of any format but OpenEXR and NumPy; its first bytes determine the format.
-pub fn read_raster(path: &Path) -> Result<Raster> {
+/// Reads a file of any format but OpenEXR and NumPy; its first bytes determine the format. A picture that is stored turned
+/// or mirrored is refused, for its depth is not, unless the caller turns both (`turned`).
+pub fn read_raster(path: &Path, turned: bool) -> Result<Raster> {
     let kind = kind(path)?;
     with_path(path, || {
         let raster = match kind {
@@ -44,6 +46,12 @@ pub fn read_raster(path: &Path) -> Result<Raster> {
         match raster {
             Raster { width: 0, .. } | Raster { height: 0, .. } => {
                 Err(Problem::Damaged("it has no pixels".into()))
+            }
+            Raster { beside: Beside { orientation: orientation @ 2.., .. }, .. } if !turned => {
+                Err(Problem::Unsupported {
+                    found: format!("a picture to be shown with orientation {orientation}"),
+                    accepted: "pictures not turned or mirrored; dofsim.photo turns pictures and depth alike",
+                })
             }
             _ => Ok(raster),
         }

@@ -2,7 +2,7 @@
 
 use super::atomic;
 use super::error::{Problem, Result};
-use super::raster::{Alpha, Raster, Samples, Shape};
+use super::raster::{Alpha, Beside, Raster, Samples, Shape};
 use super::source::{Source, check_claim};
 use std::io::{BufRead, Read, Write};
 use std::path::Path;
@@ -50,7 +50,14 @@ pub(super) fn read(mut source: Source) -> std::result::Result<Raster, Problem> {
             *sample = if scale < 0.0 { f32::from_le_bytes(*bytes) } else { f32::from_be_bytes(*bytes) };
         }
     }
-    Ok(Raster { width, height, channels, alpha: Alpha::None, samples: Samples::F32(samples) })
+    Ok(Raster {
+        width,
+        height,
+        channels,
+        alpha: Alpha::None,
+        samples: Samples::F32(samples),
+        beside: Beside::default(),
+    })
 }
 
 /// The next word and the number of bytes read, including the one white space after it.

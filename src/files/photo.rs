@@ -1,13 +1,12 @@
 //! Pictures in the common formats, read by the `image` crate: PNG, WebP, BMP and Radiance HDR.
 
 use super::error::Problem;
-use super::raster::{Alpha, Raster, Samples};
+use super::raster::{Alpha, Beside, Raster, Samples};
 use super::source::{Source, check_claim};
-use image::metadata::Orientation;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 use std::io::{Read, Seek};
 
-const ACCEPTED: &str = "grey, grey with alpha, RGB and RGBA pictures, not turned or mirrored";
+const ACCEPTED: &str = "grey, grey with alpha, RGB and RGBA pictures";
 
 /// The most that what is not pixels may take, beside the length of the file: more than any profile, and than a row.
 const BESIDE_PIXELS: u64 = 64 << 20;
@@ -23,7 +22,11 @@ pub(super) fn read(source: Source, format: ImageFormat) -> Result<Raster, Proble
     let mut decoder = reader.into_decoder()?;
     let refuse = |found: String| Problem::Unsupported { found, accepted: ACCEPTED };
     check_claim(u128::from(decoder.total_bytes()), length)?;
-    check_orientation(decoder.orientation()?)?;
+    let beside = Beside {
+        profile: decoder.icc_profile()?,
+        exif: decoder.exif_metadata()?,
+        orientation: decoder.orientation()?.to_exif(),
+    };
 
     let (width, height) = decoder.dimensions();
     let (channels, alpha) = match decoder.color_type() {
@@ -46,7 +49,7 @@ pub(super) fn read(source: Source, format: ImageFormat) -> Result<Raster, Proble
         DynamicImage::ImageRgba32F(image) => Samples::F32(image.into_raw()),
         other => return Err(refuse(format!("{:?}", other.color()))),
     };
-    Ok(Raster { width: width as usize, height: height as usize, channels, alpha, samples })
+    Ok(Raster { width: width as usize, height: height as usize, channels, alpha, samples, beside })
 }
 
 /// Reads WebP. The decoder does not notice where the end of a lossy picture is missing.
@@ -60,17 +63,6 @@ pub(super) fn read_webp(mut source: Source) -> Result<Raster, Problem> {
         return Err(Problem::Damaged("it ends too early".into()));
     }
     read(source, ImageFormat::WebP)
-}
-
-/// Refuses a picture that is stored turned or mirrored: its depth is not.
-pub(super) fn check_orientation(orientation: Orientation) -> Result<(), Problem> {
-    match orientation {
-        Orientation::NoTransforms => Ok(()),
-        turned => Err(Problem::Unsupported {
-            found: format!("a picture to be shown with orientation {}", turned.to_exif()),
-            accepted: ACCEPTED,
-        }),
-    }
 }
 
 impl From<ImageError> for Problem {

@@ -3,19 +3,20 @@
 use super::atomic;
 use super::error::{Problem, Result};
 use super::raster::{Pixels, Shape};
-use ::png::{BitDepth, ColorType, Compression, Encoder, EncodingError};
+use ::png::{BitDepth, ColorType, Compression, Encoder, EncodingError, Info};
+use std::borrow::Cow;
 use std::io::Write;
 use std::path::Path;
 
-/// Writes 1 to 4 channels of 8 or 16 bits, marked as sRGB, with straight alpha.
-pub fn write(path: &Path, pixels: Pixels<'_>, shape: Shape) -> Result<()> {
-    atomic::replace(path, |writer| encode(writer, pixels, shape, Compression::default()))
+/// Writes 1 to 4 channels of 8 or 16 bits with straight alpha, marked as sRGB or with the profile that they are in.
+pub fn write(path: &Path, pixels: Pixels<'_>, shape: Shape, profile: Option<&[u8]>) -> Result<()> {
+    atomic::replace(path, |writer| encode(writer, pixels, shape, profile, Compression::default()))
 }
 
 /// The bytes of such a file, compressed quickly: meant for a screen, not for storage.
 pub fn bytes(pixels: Pixels<'_>, shape: Shape) -> std::result::Result<Vec<u8>, Problem> {
     let mut bytes = Vec::new();
-    encode(&mut bytes, pixels, shape, Compression::Fast)?;
+    encode(&mut bytes, pixels, shape, None, Compression::Fast)?;
     Ok(bytes)
 }
 
@@ -23,10 +24,13 @@ fn encode(
     writer: impl Write,
     pixels: Pixels<'_>,
     shape: Shape,
+    profile: Option<&[u8]>,
     compression: Compression,
 ) -> std::result::Result<(), Problem> {
     let (width, height) = shape.size_u32()?;
-    let mut encoder = Encoder::new(writer, width, height);
+    let mut info = Info::with_size(width, height);
+    info.icc_profile = profile.map(Cow::Borrowed);
+    let mut encoder = Encoder::with_info(writer, info)?;
     encoder.set_color(match shape.channels {
         1 => ColorType::Grayscale,
         2 => ColorType::GrayscaleAlpha,
@@ -35,7 +39,10 @@ fn encode(
         n => return Err(Problem::Argument(format!("PNG holds 1 to 4 channels, not {n}"))),
     });
     encoder.set_compression(compression);
-    encoder.set_source_srgb(::png::SrgbRenderingIntent::Perceptual);
+    // A file has one of the two.
+    if profile.is_none() {
+        encoder.set_source_srgb(::png::SrgbRenderingIntent::Perceptual);
+    }
     match pixels {
         Pixels::U8(samples) => {
             encoder.set_depth(BitDepth::Eight);

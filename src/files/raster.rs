@@ -44,6 +44,19 @@ pub struct Raster {
     pub alpha: Alpha,
     /// `height * width * channels` samples.
     pub samples: Samples,
+    /// What the file holds beside them.
+    pub beside: Beside,
+}
+
+/// What a file holds beside its pixels.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct Beside {
+    /// The bytes of an ICC profile.
+    pub profile: Option<Vec<u8>>,
+    /// The bytes of Exif, from the header of TIFF on.
+    pub exif: Option<Vec<u8>>,
+    /// How the picture is to be turned and mirrored to be seen, 1 to 8 as in Exif; 1 is as it is.
+    pub orientation: u8,
 }
 
 /// Borrowed samples that are to be written to an integer or float file.

@@ -2,7 +2,7 @@
 
 use super::atomic;
 use super::error::{Problem, Result};
-use super::raster::{Alpha, Pixels, Raster, Samples, Shape};
+use super::raster::{Alpha, Beside, Pixels, Raster, Samples, Shape};
 use super::source::{Source, check_claim};
 use ::tiff::decoder::{Decoder, DecodingResult, Limits};
 use ::tiff::encoder::colortype::{
@@ -15,7 +15,7 @@ use std::io::{Seek, Write};
 use std::path::Path;
 
 const ACCEPTED: &str = "grey, grey with alpha, RGB and RGBA TIFF, samples of 8, 16 or 32 bits unsigned or 16, \
-                        32 or 64 bits float, not turned or mirrored";
+                        32 or 64 bits float";
 
 /// Reads the first picture of a file.
 pub(super) fn read(source: Source) -> std::result::Result<Raster, Problem> {
@@ -26,9 +26,14 @@ pub(super) fn read(source: Source) -> std::result::Result<Raster, Problem> {
     let color = decoder.colortype()?;
     let refuse = |found: String| Problem::Unsupported { found, accepted: ACCEPTED };
 
-    if let Some(turned @ 2..) = decoder.find_tag_unsigned::<u16>(Tag::Orientation)? {
-        return Err(refuse(format!("a picture to be shown with orientation {turned}")));
-    }
+    let beside = Beside {
+        profile: match decoder.find_tag(Tag::IccProfile)? {
+            Some(bytes) => Some(bytes.into_u8_vec()?),
+            None => None,
+        },
+        exif: None,
+        orientation: decoder.find_tag_unsigned::<u8>(Tag::Orientation)?.unwrap_or(1),
+    };
     let channels = match color {
         ColorType::Gray(_) => 1,
         ColorType::GrayA(_) => 2,
@@ -70,7 +75,7 @@ pub(super) fn read(source: Source) -> std::result::Result<Raster, Problem> {
         (2 | 4, _) => Alpha::Straight,
         _ => Alpha::None,
     };
-    Ok(Raster { width, height, channels, alpha, samples })
+    Ok(Raster { width, height, channels, alpha, samples, beside })
 }
 
 fn extra_samples<R: std::io::Read + Seek>(
@@ -89,15 +94,21 @@ fn interleave<T: Copy>(samples: Vec<T>, planes: usize) -> Vec<T> {
     (0..area).flat_map(|i| (0..planes).map(move |plane| plane * area + i)).map(|i| samples[i]).collect()
 }
 
-/// Writes 1 to 4 channels, compressed with deflate.
-pub fn write(path: &Path, pixels: Pixels<'_>, shape: Shape, alpha: Alpha) -> Result<()> {
+/// Writes 1 to 4 channels, compressed with deflate, and the profile that they are in.
+pub fn write(
+    path: &Path,
+    pixels: Pixels<'_>,
+    shape: Shape,
+    alpha: Alpha,
+    profile: Option<&[u8]>,
+) -> Result<()> {
     atomic::replace(path, |writer| match (pixels, shape.channels) {
-        (Pixels::U8(v), 1 | 2) => encode::<_, Gray8>(writer, v, shape, alpha),
-        (Pixels::U8(v), 3 | 4) => encode::<_, RGB8>(writer, v, shape, alpha),
-        (Pixels::U16(v), 1 | 2) => encode::<_, Gray16>(writer, v, shape, alpha),
-        (Pixels::U16(v), 3 | 4) => encode::<_, RGB16>(writer, v, shape, alpha),
-        (Pixels::F32(v), 1 | 2) => encode::<_, Gray32Float>(writer, v, shape, alpha),
-        (Pixels::F32(v), 3 | 4) => encode::<_, RGB32Float>(writer, v, shape, alpha),
+        (Pixels::U8(v), 1 | 2) => encode::<_, Gray8>(writer, v, shape, alpha, profile),
+        (Pixels::U8(v), 3 | 4) => encode::<_, RGB8>(writer, v, shape, alpha, profile),
+        (Pixels::U16(v), 1 | 2) => encode::<_, Gray16>(writer, v, shape, alpha, profile),
+        (Pixels::U16(v), 3 | 4) => encode::<_, RGB16>(writer, v, shape, alpha, profile),
+        (Pixels::F32(v), 1 | 2) => encode::<_, Gray32Float>(writer, v, shape, alpha, profile),
+        (Pixels::F32(v), 3 | 4) => encode::<_, RGB32Float>(writer, v, shape, alpha, profile),
         (_, n) => Err(Problem::Argument(format!("TIFF holds 1 to 4 channels here, not {n}"))),
     })
 }
@@ -107,6 +118,7 @@ fn encode<W: Write + Seek, C: Encoding>(
     samples: &[C::Inner],
     shape: Shape,
     alpha: Alpha,
+    profile: Option<&[u8]>,
 ) -> std::result::Result<(), Problem>
 where
     [C::Inner]: TiffValue,
@@ -114,6 +126,9 @@ where
     let (width, height) = shape.size_u32()?;
     let mut encoder = TiffEncoder::new(writer)?.with_compression(Compression::Deflate(DeflateLevel::Fast));
     let mut image = encoder.new_image::<C>(width, height)?;
+    if let Some(profile) = profile {
+        image.encoder().write_tag(Tag::IccProfile, profile)?;
+    }
     if shape.channels.is_multiple_of(2) {
         image.extra_samples(&[match alpha {
             Alpha::Premultiplied => ExtraSamples::AssociatedAlpha,

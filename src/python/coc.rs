@@ -20,7 +20,7 @@ use pyo3::prelude::*;
 ///     Shape (H, W), or (L, H, W) for layers; float16, float32 or float64.
 /// lens : Lens
 ///     The lens.
-/// depth_kind, near, far, invalid, in_focus, max_coc_px
+/// depth_kind, near, far, depth_range, invalid, in_focus, max_coc_px
 ///     As in `render`.
 ///
 /// Returns
@@ -41,7 +41,7 @@ use pyo3::prelude::*;
 /// >>> dofsim.coc(np.array([[1.0, 2.0, np.inf, 4.0]]), lens)
 /// array([[-0.1 ,  0.  ,  0.1 ,  0.05]], dtype=float32)
 #[pyfunction]
-#[pyo3(signature = (depth, lens, *, depth_kind="z", near=None, far=None, invalid="raise", in_focus=None, max_coc_px=None))]
+#[pyo3(signature = (depth, lens, *, depth_kind="z", near=None, far=None, depth_range=None, invalid="raise", in_focus=None, max_coc_px=None))]
 #[expect(clippy::too_many_arguments, reason = "the public function's own, keyword-only in Python")]
 pub fn coc<'py>(
     py: Python<'py>,
@@ -50,11 +50,12 @@ pub fn coc<'py>(
     depth_kind: &str,
     #[pyo3(from_py_with = argument::near)] near: Option<f64>,
     #[pyo3(from_py_with = argument::far)] far: Option<f64>,
+    #[pyo3(from_py_with = argument::depth_range)] depth_range: Option<[f64; 2]>,
     invalid: &str,
     #[pyo3(from_py_with = argument::in_focus)] in_focus: Option<[f64; 2]>,
     #[pyo3(from_py_with = argument::max_coc_px)] max_coc_px: Option<f64>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let kind = read_depth_kind(&DepthArguments { depth_kind, near, far }, &lens.core)?;
+    let kind = read_depth_kind(&DepthArguments { depth_kind, near, far, depth_range }, &lens.core)?;
     let invalid = read_invalid(invalid)?;
     let planes = read_depth(depth)?;
     let size = Size { width: planes.width, height: planes.height, channels: 1 };

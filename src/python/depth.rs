@@ -17,6 +17,8 @@ pub struct DepthArguments<'a> {
     pub depth_kind: &'a str,
     pub near: Option<f64>,
     pub far: Option<f64>,
+    /// The relative disparities that become 0 and 1.
+    pub depth_range: Option<[f64; 2]>,
 }
 
 fn positive(name: &str, value: Option<f64>, kind: &str) -> PyResult<f64> {
@@ -33,14 +35,18 @@ fn positive(name: &str, value: Option<f64>, kind: &str) -> PyResult<f64> {
 pub fn read_depth_kind(arguments: &DepthArguments, lens: &Lens) -> PyResult<DepthKind> {
     let kind = read_depth_arguments(arguments)?;
     match (kind, lens.base) {
-        (DepthKind::Disparity | DepthKind::Relative, Base::Thin { .. }) => {
-            Err(PyValueError::new_err(format!(
-                "depth_kind={:?} is relative and needs a lens made by Lens.from_disparity; metric inverse \
+        (
+            DepthKind::Disparity | DepthKind::Relative | DepthKind::RelativeBetween { .. },
+            Base::Thin { .. },
+        ) => Err(PyValueError::new_err(format!(
+            "depth_kind={:?} is relative and needs a lens made by Lens.from_disparity; metric inverse \
                  depth is depth_kind=\"inverse_z\"",
-                arguments.depth_kind
-            )))
-        }
-        (DepthKind::Disparity | DepthKind::Relative, Base::Relative { .. }) => Ok(kind),
+            arguments.depth_kind
+        ))),
+        (
+            DepthKind::Disparity | DepthKind::Relative | DepthKind::RelativeBetween { .. },
+            Base::Relative { .. },
+        ) => Ok(kind),
         (_, Base::Relative { .. }) => Err(PyValueError::new_err(format!(
             "depth_kind={:?} is metric, but the lens was made by Lens.from_disparity, which needs \
              depth_kind=\"disparity\" or \"relative\"",
@@ -63,7 +69,21 @@ pub fn read_depth_arguments(arguments: &DepthArguments) -> PyResult<DepthKind> {
         ("opengl_ndc", DepthKind::ZBuffer { near: 0.0, far: 0.0, first: -1.0 }),
         ("distance_from_near", DepthKind::DistanceFromNear { near: 0.0 }),
     ];
-    Ok(match choice("depth_kind", name, &names)? {
+    let kind = choice("depth_kind", name, &names)?;
+    if let Some([far, near]) = arguments.depth_range {
+        if kind != DepthKind::Relative {
+            return Err(PyValueError::new_err(format!(
+                "depth_range is for depth_kind=\"relative\"; got depth_kind={name:?}"
+            )));
+        }
+        if !(far.is_finite() && near.is_finite() && far != near) {
+            return Err(PyValueError::new_err(format!(
+                "depth_range must be two different disparities, that of what is far and that of what is near; got \
+                 ({far}, {near})"
+            )));
+        }
+    }
+    Ok(match kind {
         DepthKind::ZBuffer { first, .. } => {
             let (near, far) =
                 (positive("near", arguments.near, name)?, positive("far", arguments.far, name)?);
@@ -81,7 +101,10 @@ pub fn read_depth_arguments(arguments: &DepthArguments) -> PyResult<DepthKind> {
                     "near and far are for depth_kind=\"zbuffer\", \"opengl_ndc\" and \"distance_from_near\"; got depth_kind={name:?}"
                 )));
             }
-            kind
+            match arguments.depth_range {
+                Some([far, near]) => DepthKind::RelativeBetween { far, near },
+                None => kind,
+            }
         }
     })
 }

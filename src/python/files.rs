@@ -1,5 +1,6 @@
 //! Bindings of [`crate::files`], only for `dofsim.io`: paths and contiguous arrays in, arrays out.
 
+use super::run::installed;
 use super::samples::viewable;
 use crate::color::{Sample, Transfer};
 use crate::files::{self, Alpha, FileError, Pixels, Problem, Samples, Shape, openexr};
@@ -146,16 +147,36 @@ pub fn file_kind(py: Python<'_>, path: PathBuf) -> PyResult<&'static str> {
     Ok(py.detach(|| files::kind(&path))?.name())
 }
 
-/// The pixels of a PNG, TIFF or PFM file and what its last channel is: "none", "straight", "premultiplied".
+/// What a file holds beside its pixels: the bytes of its ICC profile and of Exif, and its orientation, 1 to 8.
+#[pyclass(frozen, get_all, module = "dofsim._dofsim")]
+pub struct Beside {
+    profile: Option<Py<PyBytes>>,
+    exif: Option<Py<PyBytes>>,
+    orientation: u8,
+}
+
+/// The pixels of a picture file; what its last channel is, "none", "straight" or "premultiplied"; and what is beside them.
+/// Pictures that are stored turned are refused unless `turned`.
 #[pyfunction]
-pub fn read_raster(py: Python<'_>, path: PathBuf) -> PyResult<(Pixmap<'_>, &'static str)> {
-    let raster = py.detach(|| files::read_raster(&path))?;
+#[pyo3(signature = (path, *, turned=false))]
+pub fn read_raster(
+    py: Python<'_>,
+    path: PathBuf,
+    turned: bool,
+) -> PyResult<(Pixmap<'_>, &'static str, Beside)> {
+    let raster = py.detach(|| files::read_raster(&path, turned))?;
+    let bytes = |bytes: &Option<Vec<u8>>| bytes.as_ref().map(|bytes| PyBytes::new(py, bytes).unbind());
+    let beside = Beside {
+        profile: bytes(&raster.beside.profile),
+        exif: bytes(&raster.beside.exif),
+        orientation: raster.beside.orientation.max(1),
+    };
     let alpha = match raster.alpha {
         Alpha::None => "none",
         Alpha::Straight => "straight",
         Alpha::Premultiplied => "premultiplied",
     };
-    Ok((Pixmap::new(py, raster)?, alpha))
+    Ok((Pixmap::new(py, raster)?, alpha, beside))
 }
 
 /// The parts of an OpenEXR file.
@@ -227,11 +248,17 @@ pub fn write_exr(
     })?)
 }
 
-/// Writes uint8 or uint16 pixels, sRGB with straight alpha, to a PNG file.
+/// Writes uint8 or uint16 pixels with straight alpha to a PNG file, marked as sRGB or with an ICC profile.
 #[pyfunction]
-pub fn write_png(py: Python<'_>, path: PathBuf, pixels: Contiguous<'_>) -> PyResult<()> {
+#[pyo3(signature = (path, pixels, profile=None))]
+pub fn write_png(
+    py: Python<'_>,
+    path: PathBuf,
+    pixels: Contiguous<'_>,
+    profile: Option<&[u8]>,
+) -> PyResult<()> {
     let (pixels, shape) = (pixels.pixels()?, pixels.shape());
-    Ok(py.detach(|| files::png::write(&path, pixels, shape))?)
+    Ok(py.detach(|| files::png::write(&path, pixels, shape, profile))?)
 }
 
 /// The bytes of a PNG file of uint8 or uint16 pixels, sRGB with straight alpha.
@@ -242,17 +269,19 @@ pub fn encode_png<'py>(py: Python<'py>, pixels: Contiguous<'_>) -> PyResult<Boun
     bytes.map(|bytes| PyBytes::new(py, &bytes)).map_err(|problem| PyValueError::new_err(problem.to_string()))
 }
 
-/// Writes uint8, uint16 or float32 pixels to a TIFF file.
+/// Writes uint8, uint16 or float32 pixels to a TIFF file, with an ICC profile if one is given.
 #[pyfunction]
+#[pyo3(signature = (path, pixels, premultiplied, profile=None))]
 pub fn write_tiff(
     py: Python<'_>,
     path: PathBuf,
     pixels: Contiguous<'_>,
     premultiplied: bool,
+    profile: Option<&[u8]>,
 ) -> PyResult<()> {
     let alpha = if premultiplied { Alpha::Premultiplied } else { Alpha::Straight };
     let (pixels, shape) = (pixels.pixels()?, pixels.shape());
-    Ok(py.detach(|| files::tiff::write(&path, pixels, shape, alpha))?)
+    Ok(py.detach(|| files::tiff::write(&path, pixels, shape, alpha, profile))?)
 }
 
 /// Writes float32 pixels of 1 or 3 channels to a PFM file.
@@ -318,6 +347,63 @@ pub fn encode_codes<'py>(
     Pixmap::new(py, transfers.raster(samples))
 }
 
+/// An ICC profile: its name, for each of `lights` channels the linear light of every 16-bit code, shape (lights, 65536),
+/// and the matrix from its linear light to CIE XYZ of D50.
+#[pyfunction]
+pub fn parse_profile<'py>(
+    py: Python<'py>,
+    icc: &[u8],
+    lights: usize,
+) -> PyResult<(String, Bound<'py, PyArray1<f32>>, Vec<Vec<f64>>)> {
+    let profile = py.detach(|| files::profile::parse(icc, lights));
+    let profile = profile.map_err(|problem| PyValueError::new_err(problem.to_string()))?;
+    let curves = PyArray1::from_vec(py, profile.curves.concat());
+    Ok((profile.name, curves, profile.to_xyz.iter().map(|row| row.to_vec()).collect()))
+}
+
+/// Linear light of integers by the curves of a profile, as `parse_profile` gives them; coverage behind them stays.
+#[pyfunction]
+pub fn decode_by_curves<'py>(
+    py: Python<'py>,
+    codes: Contiguous<'_>,
+    curves: PyReadonlyArrayDyn<'_, f32>,
+) -> PyResult<Pixmap<'py>> {
+    let (pixels, shape, curves) = (codes.pixels()?, codes.shape(), curves.as_slice()?);
+    let curves: Vec<&[f32]> = curves.chunks(files::profile::CODES).collect();
+    let samples = installed(|| match pixels {
+        Pixels::U8(v) => Ok(files::profile::decode(v, shape.channels, &curves, |v| usize::from(v) * 257)),
+        Pixels::U16(v) => Ok(files::profile::decode(v, shape.channels, &curves, usize::from)),
+        Pixels::F32(_) => Err(PyTypeError::new_err("expected uint8 or uint16")),
+    })??;
+    let Shape { width, height, channels } = shape;
+    let (alpha, beside) = (Alpha::None, files::Beside::default());
+    Pixmap::new(py, files::Raster { width, height, channels, alpha, samples: Samples::F32(samples), beside })
+}
+
+/// Integers of 8 or 16 bits of linear light, by the curves of a profile. Values outside 0 to 1 are clipped.
+#[pyfunction]
+#[pyo3(signature = (values, curves, *, sixteen))]
+pub fn encode_by_curves<'py>(
+    py: Python<'py>,
+    values: Contiguous<'_>,
+    curves: PyReadonlyArrayDyn<'_, f32>,
+    sixteen: bool,
+) -> PyResult<Pixmap<'py>> {
+    let Pixels::F32(pixels) = values.pixels()? else {
+        return Err(PyTypeError::new_err("expected float32"));
+    };
+    let (shape, curves) = (values.shape(), curves.as_slice()?);
+    let curves: Vec<&[f32]> = curves.chunks(files::profile::CODES).collect();
+    let codes = installed(|| files::profile::encode(pixels, shape.channels, &curves))?;
+    let samples = match sixteen {
+        false => Samples::U8(codes.iter().map(|code| (code / 257.0 + 0.5) as u8).collect()),
+        true => Samples::U16(codes.iter().map(|code| (code + 0.5) as u16).collect()),
+    };
+    let Shape { width, height, channels } = shape;
+    let (alpha, beside) = (Alpha::None, files::Beside::default());
+    Pixmap::new(py, files::Raster { width, height, channels, alpha, samples, beside })
+}
+
 /// The transfer function of every channel of a pixel.
 struct Transfers {
     shape: Shape,
@@ -340,6 +426,13 @@ impl Transfers {
 
     fn raster(&self, samples: Samples) -> files::Raster {
         let Shape { width, height, channels } = self.shape;
-        files::Raster { width, height, channels, alpha: Alpha::None, samples }
+        files::Raster {
+            width,
+            height,
+            channels,
+            alpha: Alpha::None,
+            samples,
+            beside: files::Beside::default(),
+        }
     }
 }

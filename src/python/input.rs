@@ -3,6 +3,7 @@
 use super::color::{ColorFormat, brighter_than_usual, color_shape, read_format, read_layer_color};
 use super::depth::read_depth;
 use super::invalid_color::{InvalidColor, InvalidPixels};
+use super::refine::{Refining, one_layer};
 use super::run::installed;
 use super::samples::array;
 use crate::depth::{DepthKind, Invalid, Rays, disparity_plane};
@@ -29,20 +30,21 @@ pub struct Input {
 }
 
 impl Input {
-    /// Reads and checks both arrays.
+    /// Reads and checks both arrays, and refines the depth if that is asked for.
     pub fn read(
         color: &Bound<'_, PyAny>,
         depth: &Bound<'_, PyAny>,
         alpha: Option<&str>,
         transfer: Option<&str>,
         invalid: InvalidColor,
+        refining: Option<Refining>,
     ) -> PyResult<Input> {
         let array = &array("color", color)?;
         let shape = color_shape(array.shape())?;
         let format = read_format(array, &shape, alpha, transfer)?;
-        let planes = read_depth(depth)?;
+        let mut planes = read_depth(depth)?;
         let expected = (shape.layers, shape.size.height, shape.size.width);
-        if (planes.planes.len(), planes.height, planes.width) != expected {
+        if refining.is_none() && (planes.planes.len(), planes.height, planes.width) != expected {
             return Err(PyValueError::new_err(format!(
                 "depth must have the same layers, rows and columns as color, {expected:?}; got {:?}",
                 (planes.planes.len(), planes.height, planes.width)
@@ -59,6 +61,13 @@ impl Input {
         if let Some(filled) = filled {
             filled.warn(array.py(), shape.size)?;
         }
+        if let Some(refining) = refining {
+            let lights = format.lights(shape.size) * shape.size.pixels();
+            if shape.layers > 1 {
+                return Err(one_layer(shape.layers));
+            }
+            planes.planes = vec![refining.refined(array.py(), &planes, &color[0][..lights], shape.size)?.0];
+        }
         let brighter = brighter_than_usual(largest);
         if brighter > 1.0 {
             let lights = format.lights(shape.size) * shape.size.pixels();
@@ -68,6 +77,11 @@ impl Input {
         let color = color.into_iter().map(Arc::new).collect();
         let filled_pixels = filled.map_or(0, |filled| filled.count);
         Ok(Input { size: shape.size, format, brighter, filled_pixels, color, depth: planes.planes })
+    }
+
+    /// The depth of a picture that has been refined, which has one layer.
+    pub fn refined_depth(&self) -> &[f32] {
+        &self.depth[0]
     }
 
     /// The number of layers.
@@ -82,7 +96,7 @@ impl Input {
         if layered && kind == DepthKind::Relative {
             return Err(PyValueError::new_err(
                 "depth_kind=\"relative\" brings one picture's disparity to 0 to 1, and cannot be used with layers; \
-                 do that yourself and pass \"disparity\"",
+                 pass depth_range",
             ));
         }
         let layers = self

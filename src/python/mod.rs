@@ -15,6 +15,8 @@ mod lens;
 mod methods;
 mod output;
 mod output_grid;
+mod photograph;
+mod refine;
 mod render;
 mod run;
 mod samples;
@@ -39,8 +41,9 @@ pub mod _dofsim {
     use super::errors::DeviceError;
     #[pymodule_export]
     use super::files::{
-        ExrPart, decode_codes, encode_codes, encode_png, exr_parts, file_kind, read_exr, read_raster,
-        write_bytes, write_exr, write_pfm, write_png, write_tiff,
+        Beside, ExrPart, decode_by_curves, decode_codes, encode_by_curves, encode_codes, encode_png,
+        exr_parts, file_kind, parse_profile, read_exr, read_raster, write_bytes, write_exr, write_pfm,
+        write_png, write_tiff,
     };
     #[pymodule_export]
     use super::lens::PyLens;
@@ -50,6 +53,10 @@ pub mod _dofsim {
     use super::lens::focus::focusable_pixels;
     #[pymodule_export]
     use super::methods::methods_available;
+    #[pymodule_export]
+    use super::photograph::{layers_from_matte, restore_highlights};
+    #[pymodule_export]
+    use super::refine::refine_depth;
     #[pymodule_export]
     use super::render::render;
     #[pymodule_export]

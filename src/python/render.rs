@@ -38,6 +38,10 @@ use std::time::Instant;
 /// near, far : float, optional
 ///     Clip planes in metres, for the kinds that need them. A reversed z-buffer is 0 at the farther plane: give that one
 ///     as `near`. Either may be infinite.
+/// depth_range : tuple of float, optional
+///     With ``depth_kind="relative"``, the disparities that become 0 (far) and 1 (near), in place of the percentiles of
+///     this picture: one range for all pictures of a sequence keeps what does not move as blurred as it is. Where larger
+///     is farther, the first is the larger.
 /// invalid : {"raise", "far"}, optional
 ///     What to do with invalid depth (NaN, negative or zero): raise an error, or take it for the background.
 /// invalid_color : {"raise", "fill"}, optional
@@ -59,6 +63,8 @@ use std::time::Instant;
 ///     one, so that a depth that is far too near neither spreads over the picture nor refuses it. Blur of axial colour
 ///     is added to it. Without it ``"lens"`` refuses radii of more than 2048 pixels, and some methods have a bound of
 ///     their own; see the notes.
+/// refine : bool, optional
+///     Whether to refine the depth first, as `refine_depth` does; it may then be smaller or larger than the picture.
 /// threads : int, optional
 ///     Worker threads; one per processor by default. The result does not depend on it.
 /// out : ndarray, optional
@@ -157,8 +163,8 @@ use std::time::Instant;
 /// (48, 64, 3)
 #[pyfunction]
 #[pyo3(signature = (color, depth, lens, *, method="lens", device="auto", aperture=None, depth_kind="z", near=None,
-    far=None, invalid="raise", invalid_color="raise", alpha=None, transfer=None, overscan=0, supersample=1,
-    in_focus=None, max_coc_px=None, threads=None, out=None, **options))]
+    far=None, depth_range=None, invalid="raise", invalid_color="raise", alpha=None, transfer=None, overscan=0, supersample=1,
+    in_focus=None, max_coc_px=None, refine=false, threads=None, out=None, **options))]
 #[expect(clippy::too_many_arguments, reason = "the public function's own, keyword-only in Python")]
 pub fn render<'py>(
     py: Python<'py>,
@@ -171,6 +177,7 @@ pub fn render<'py>(
     depth_kind: &str,
     #[pyo3(from_py_with = argument::near)] near: Option<f64>,
     #[pyo3(from_py_with = argument::far)] far: Option<f64>,
+    #[pyo3(from_py_with = argument::depth_range)] depth_range: Option<[f64; 2]>,
     invalid: &str,
     invalid_color: &str,
     alpha: Option<&str>,
@@ -179,6 +186,7 @@ pub fn render<'py>(
     #[pyo3(from_py_with = argument::supersample)] supersample: usize,
     #[pyo3(from_py_with = argument::in_focus)] in_focus: Option<[f64; 2]>,
     #[pyo3(from_py_with = argument::max_coc_px)] max_coc_px: Option<f64>,
+    refine: bool,
     #[pyo3(from_py_with = argument::threads)] threads: Option<usize>,
     out: Option<&Bound<'py, PyAny>>,
     options: Option<&Bound<'py, PyDict>>,
@@ -192,12 +200,14 @@ pub fn render<'py>(
         depth_kind,
         near,
         far,
+        depth_range,
         invalid,
         invalid_color,
         alpha,
         transfer,
         overscan,
         supersample,
+        refine,
     )?;
     let start = Instant::now();
     let picture = scene.picture(py, &lens, &method, threads, out)?;
@@ -207,10 +217,12 @@ pub fn render<'py>(
         words.set_item("depth_kind", depth_kind)?;
         words.set_item("near", near)?;
         words.set_item("far", far)?;
+        words.set_item("depth_range", depth_range)?;
         words.set_item("overscan", overscan)?;
         words.set_item("supersample", supersample)?;
         words.set_item("max_coc_px", max_coc_px)?;
         let log_render = py.import("dofsim._report")?.getattr("log_render")?;
+        let depth = if refine { scene.refined_depth(py)? } else { depth.clone() };
         log_render.call((depth, PyLens { core: lens }, seconds), Some(&words))?;
     }
     Ok(picture)

@@ -13,6 +13,7 @@ use super::lens::focus::Focus;
 use super::methods::read_method;
 use super::output::Output;
 use super::output_grid::OutputGrid;
+use super::refine::Refining;
 use super::run::simd;
 use crate::depth::{DepthKind, Invalid, Rays};
 use crate::device::Device;
@@ -20,6 +21,7 @@ use crate::method::Method;
 use crate::optics::{Imaging, Lens, MaxRadius};
 use crate::picture::Size;
 use crate::renderer::{PassTime, Renderer};
+use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -31,7 +33,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// ----------
 /// color, depth
 ///     As in `render`.
-/// device, depth_kind, near, far, invalid, invalid_color, alpha, transfer, overscan, supersample
+/// device, depth_kind, near, far, depth_range, invalid, invalid_color, alpha, transfer, overscan, supersample, refine
 ///     As in `render`.
 ///
 /// Raises
@@ -53,7 +55,7 @@ pub struct PyScene {
     grid: OutputGrid,
     device: Device,
     kind: DepthKind,
-    depth_arguments: (String, Option<f64>, Option<f64>),
+    depth_arguments: (String, Option<f64>, Option<f64>, Option<[f64; 2]>),
     invalid: Invalid,
     /// The picture with disparity on its device, and the rays with which it was converted, if the conversion needs
     /// them.
@@ -61,11 +63,16 @@ pub struct PyScene {
 }
 
 impl PyScene {
+    /// The depth that was made of the given one, of the size of the picture.
+    pub fn refined_depth<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let Size { height, width, .. } = self.input.size;
+        Ok(PyArray1::from_slice(py, self.input.refined_depth()).reshape([height, width])?.into_any())
+    }
+
     /// The renderer of the picture, with the disparity that this lens needs.
     fn renderer(&self, lens: &Lens) -> PyResult<Arc<Renderer>> {
-        let (depth_kind, near, far) =
-            (self.depth_arguments.0.as_str(), self.depth_arguments.1, self.depth_arguments.2);
-        read_depth_kind(&DepthArguments { depth_kind, near, far }, lens)?;
+        let (ref depth_kind, near, far, depth_range) = self.depth_arguments;
+        read_depth_kind(&DepthArguments { depth_kind, near, far, depth_range }, lens)?;
         let size = self.input.size;
         let rays = self.grid.geometry(size).rays(lens).filter(|_| self.kind.needs_rays());
         // As with the layers of a scene, the lock is not held over parallel work.
@@ -134,8 +141,8 @@ impl PyScene {
 #[pymethods]
 impl PyScene {
     #[new]
-    #[pyo3(signature = (color, depth, *, device="auto", depth_kind="z", near=None, far=None, invalid="raise",
-        invalid_color="raise", alpha=None, transfer=None, overscan=0, supersample=1))]
+    #[pyo3(signature = (color, depth, *, device="auto", depth_kind="z", near=None, far=None, depth_range=None, invalid="raise",
+        invalid_color="raise", alpha=None, transfer=None, overscan=0, supersample=1, refine=false))]
     #[expect(clippy::too_many_arguments, reason = "the public constructor's own, keyword-only in Python")]
     pub fn new(
         color: &Bound<'_, PyAny>,
@@ -144,19 +151,22 @@ impl PyScene {
         depth_kind: &str,
         #[pyo3(from_py_with = argument::near)] near: Option<f64>,
         #[pyo3(from_py_with = argument::far)] far: Option<f64>,
+        #[pyo3(from_py_with = argument::depth_range)] depth_range: Option<[f64; 2]>,
         invalid: &str,
         invalid_color: &str,
         alpha: Option<&str>,
         transfer: Option<&str>,
         #[pyo3(from_py_with = argument::overscan)] overscan: usize,
         #[pyo3(from_py_with = argument::supersample)] supersample: usize,
+        refine: bool,
     ) -> PyResult<PyScene> {
         let device = read_device(color.py(), device)?;
-        let kind = read_depth_arguments(&DepthArguments { depth_kind, near, far })?;
+        let kind = read_depth_arguments(&DepthArguments { depth_kind, near, far, depth_range })?;
         let invalid = read_invalid(invalid)?;
-        let input = Input::read(color, depth, alpha, transfer, read_invalid_color(invalid_color)?)?;
+        let refining = refine.then_some(Refining { kind, invalid, threads: None });
+        let input = Input::read(color, depth, alpha, transfer, read_invalid_color(invalid_color)?, refining)?;
         let grid = OutputGrid::new(input.size, overscan, supersample)?;
-        let depth_arguments = (depth_kind.to_owned(), near, far);
+        let depth_arguments = (depth_kind.to_owned(), near, far, depth_range);
         Ok(PyScene { input, grid, device, kind, depth_arguments, invalid, renderer: Mutex::new(None) })
     }
 

@@ -25,7 +25,7 @@ from .records import fingerprint, is_done, write_record
 
 T = TypeVar("T")
 
-_DEPTH_WORDS = ("depth_kind", "near", "far")
+_DEPTH_WORDS = ("depth_kind", "near", "far", "depth_range")
 _SCENE_WORDS = ("device", *_DEPTH_WORDS, "invalid", "invalid_color", "overscan", "supersample")
 # No frame after it can be written either, so this ends the run.
 _DISK_FULL = {errno.ENOSPC, errno.EDQUOT}
@@ -52,6 +52,7 @@ class Rendered:
     pixels: dict[str, NDArray[Any]]
     alpha: Alpha
     dtype: SampleType | None
+    profile: io.ColorProfile | None
     found: dict[str, Any]
     seconds: float
     framed: Framed | None = None
@@ -120,7 +121,7 @@ def _read(frame: Frame, resume: bool) -> Loaded | Result:
     grid = {name: frame.options[name] for name in ("overscan", "supersample") if name in frame.options}
     framed = read_framed(frame.color, frame.depth, **grid, **words)
     rgbd = framed.rgbd
-    image = io.Image(rgbd.color, rgbd.transfer, rgbd.alpha)
+    image = rgbd.image
     return Loaded(
         frame=frame,
         fingerprint=mark,
@@ -150,11 +151,20 @@ def render(loaded: Loaded) -> Rendered:
         As `dofsim.render`.
     """
     frame, image, depth, framed = loaded.frame, loaded.image, loaded.depth, loaded.framed
+    options = dict(frame.options)
+    kind = {name: options[name] for name in _DEPTH_WORDS if name in options}
+    alpha: Alpha = "premultiplied" if image.alpha != "none" else "none"
+    color = image.to_linear()
+    # Before all else: the focus, the circle of confusion and the pictures are of the refined depth.
+    if options.pop("refine", False):
+        invalid, threads = options.get("invalid", "raise"), options.get("threads")
+        unscaled = {name: value for name, value in kind.items() if name != "depth_range"}
+        depth = dofsim.refine_depth(color, depth, **unscaled, invalid=invalid, alpha=alpha, threads=threads)
+        framed = framed and replace(framed, rgbd=replace(framed.rgbd, depth=depth))
     # The margin that was found may be wider than the one that was asked for.
-    margin = frame.options.get("overscan", 0) if framed is None else framed.overscan
-    finer = frame.options.get("supersample", 1)
+    margin = options.get("overscan", 0) if framed is None else framed.overscan
+    finer = options.get("supersample", 1)
     seen = depth if framed is None else framed.seen_depth(finer)
-    kind = {name: frame.options[name] for name in _DEPTH_WORDS if name in frame.options}
     found = dict(loaded.channels)
     words = dict(frame.lens)
     if frame.focus_at is not None:
@@ -162,7 +172,7 @@ def render(loaded: Loaded) -> Rendered:
         words = _options.focused_words(words, pixel, seen, **kind)
         found["focus_at"] = pixel
     lens = _options.make_lens(words)
-    render_words = {name: value for name, value in frame.options.items() if name not in _SCENE_WORDS}
+    render_words = {name: value for name, value in options.items() if name not in _SCENE_WORDS}
     if (in_focus := render_words.pop("in_focus", None)) is not None:
         lens = lens.replace(in_focus=in_focus)
     found["lens"] = words
@@ -183,23 +193,22 @@ def render(loaded: Loaded) -> Rendered:
 
     start = time.perf_counter()
     pixels: dict[str, NDArray[Any]] = {}
-    alpha: Alpha = "premultiplied" if image.alpha != "none" else "none"
     lenses = {"picture": lens} if "picture" in frame.outputs else {}
     if "stack" in frame.outputs:
         slices = _stack(lens, depth, frame, kind)
         found["stack"] = {name: _focus(one) for name, one in slices.items()}
         lenses |= slices
     if lenses:
-        scene_words = {name: value for name, value in frame.options.items() if name in _SCENE_WORDS}
+        scene_words = {name: value for name, value in options.items() if name in _SCENE_WORDS}
         scene_words["overscan"] = margin
-        scene = dofsim.Scene(image.to_linear(), depth, alpha=alpha, transfer="linear", **scene_words)
+        scene = dofsim.Scene(color, depth, alpha=alpha, transfer="linear", **scene_words)
         if scene.filled_pixels:
             found["filled_pixels"] = scene.filled_pixels
         for name, one in lenses.items():
             picture = scene.render(one, **render_words)
             pixels[name] = picture if framed is None else framed.cut(picture)
     if {"coc", "mask"} & set(frame.outputs):
-        radius = _coc(lens, depth, frame, kind, max_coc_px=frame.options.get("max_coc_px"))
+        radius = _coc(lens, depth, frame, kind, max_coc_px=options.get("max_coc_px"))
         sharp = np.abs(radius) <= frame.sharp_radius_px
         maps = {"coc": radius, "mask": np.where(sharp, np.uint8(255), np.uint8(0))}
         pixels |= {name: maps[name] for name in ("coc", "mask") if name in frame.outputs}
@@ -213,6 +222,7 @@ def render(loaded: Loaded) -> Rendered:
         pixels=pixels,
         alpha=alpha,
         dtype=dtype,
+        profile=image.profile,
         found=found,
         seconds=time.perf_counter() - start,
         framed=framed,
@@ -242,6 +252,7 @@ def _write(rendered: Rendered) -> Result:
                 dtype=rendered.dtype,
                 attributes_of=framed.source if framed else None,
                 corner=framed.corner if framed else None,
+                profile=rendered.profile,
             )
     write_record(frame, rendered.fingerprint, rendered.found)
     return Result(frame=frame, status="written", seconds=rendered.seconds)

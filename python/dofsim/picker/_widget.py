@@ -48,6 +48,8 @@ class FocusPicker(anywidget.AnyWidget):  # type: ignore[misc, unused-ignore]
         As for `dofsim.render`.
     max_coc_px : float, optional
         As for `dofsim.render`, in pixels of the given picture.
+    refine : bool, optional
+        Whether to refine the depth first, as `dofsim.refine_depth` does; it may then be of another size.
     **options
         ``method`` and its options, ``threads``: as for `Scene.render`. A range in focus is a property of the
         lens, which a click replaces.
@@ -103,13 +105,19 @@ class FocusPicker(anywidget.AnyWidget):  # type: ignore[misc, unused-ignore]
         alpha: Literal["premultiplied", "straight", "none"] | None = None,
         transfer: Literal["linear", "srgb"] | None = None,
         max_coc_px: float | None = None,
+        refine: bool = False,
         **options: Any,
     ) -> None:
         if _opening(lens)[1] == 0.0:
             raise ValueError(f"lens must have an opening to begin with; got {lens!r}")
-        self._color, self._alpha = _linear(np.asarray(color), np.asarray(depth), alpha, transfer)
-        self._depth = np.asarray(depth)
         self._words: dict[str, Any] = {"depth_kind": depth_kind, "near": near, "far": far, "invalid": invalid}
+        depth = np.asarray(depth)
+        if refine:
+            # Once, at the picture's own size: every size that is shown has the same edges.
+            words = {"alpha": alpha, "transfer": transfer, **self._words}
+            depth = dofsim.refine_depth(np.asarray(color), depth, **words)
+        self._color, self._alpha = _linear(np.asarray(color), depth, alpha, transfer)
+        self._depth = depth
         self._device, self._invalid_color = device, invalid_color
         self._options = {"max_coc_px": max_coc_px, **options}
         self._first_lens, self._first_aperture = lens, aperture or dofsim.Aperture()

@@ -2,7 +2,7 @@
 
 use super::parallel::for_each_parallel;
 use crate::files::error::{Problem, Result};
-use crate::files::raster::{Alpha, Raster, Samples};
+use crate::files::raster::{Alpha, Beside, Raster, Samples};
 use crate::files::source::{check_claim, open, with_path};
 use ::exr::block::UncompressedBlock;
 use ::exr::block::chunk::{Chunk, CompressedBlock};
@@ -162,6 +162,7 @@ pub fn read(path: &Path, part: usize, channels: &[String], view: View, fill: f32
             channels: channels.len(),
             alpha: Alpha::Premultiplied,
             samples: Samples::F32(picture.samples),
+            beside: Beside::default(),
         })
     })
 }

@@ -68,7 +68,7 @@ fn on_axis(lens: &Lens, seen: &SeenDepth, (x, y): (usize, usize)) -> Option<f64>
 /// The pixels that a lens can be focused on at a finite distance, or at any relative disparity, by their indices in the
 /// rows of `depth`.
 #[pyfunction]
-#[pyo3(signature = (lens, depth, *, depth_kind="z", near=None, far=None))]
+#[pyo3(signature = (lens, depth, *, depth_kind="z", near=None, far=None, depth_range=None))]
 pub fn focusable_pixels<'py>(
     py: Python<'py>,
     lens: &PyLens,
@@ -76,8 +76,9 @@ pub fn focusable_pixels<'py>(
     depth_kind: &str,
     #[pyo3(from_py_with = argument::near)] near: Option<f64>,
     #[pyo3(from_py_with = argument::far)] far: Option<f64>,
+    #[pyo3(from_py_with = argument::depth_range)] depth_range: Option<[f64; 2]>,
 ) -> PyResult<Bound<'py, PyArray1<i64>>> {
-    let seen = read_seen_depth(depth, &DepthArguments { depth_kind, near, far }, &lens.core)?;
+    let seen = read_seen_depth(depth, &DepthArguments { depth_kind, near, far, depth_range }, &lens.core)?;
     let relative = matches!(lens.core.base, Base::Relative { .. });
     let usable = |&i: &usize| {
         let disparity = on_axis(&lens.core, &seen, (i % seen.width, i / seen.width));
@@ -118,7 +119,7 @@ impl PyLens {
     ///     Take the median over the square of pixels up to so far away, those without depth left out.
     /// depth_kind : str, optional
     ///     How to read `depth`, as in `render`.
-    /// near, far : float, optional
+    /// near, far, depth_range : float, optional
     ///     Clip planes in metres, for the kinds that need them.
     ///
     /// Returns
@@ -140,7 +141,7 @@ impl PyLens {
     /// >>> lens = dofsim.Lens(aperture_radius=0.05, focus_distance=3.0, fov=42.0)
     /// >>> lens.focused_at(np.full((4, 6), 2.0), 5, 1).focus_distance
     /// 2.0
-    #[pyo3(signature = (depth, x, y, *, radius_px=0, depth_kind="z", near=None, far=None))]
+    #[pyo3(signature = (depth, x, y, *, radius_px=0, depth_kind="z", near=None, far=None, depth_range=None))]
     #[expect(clippy::too_many_arguments, reason = "the public method's own, keyword-only in Python")]
     fn focused_at(
         &self,
@@ -151,8 +152,10 @@ impl PyLens {
         depth_kind: &str,
         #[pyo3(from_py_with = argument::near)] near: Option<f64>,
         #[pyo3(from_py_with = argument::far)] far: Option<f64>,
+        #[pyo3(from_py_with = argument::depth_range)] depth_range: Option<[f64; 2]>,
     ) -> PyResult<PyLens> {
-        let seen = read_seen_depth(depth, &DepthArguments { depth_kind, near, far }, &self.core)?;
+        let seen =
+            read_seen_depth(depth, &DepthArguments { depth_kind, near, far, depth_range }, &self.core)?;
         let (x, y) = pixel(x, y, &seen)?;
         let around = |v: usize, n: usize| {
             v.saturating_sub(radius_px)..v.saturating_add(radius_px).saturating_add(1).min(n)
@@ -174,7 +177,7 @@ impl PyLens {
     ///     W) of bool.
     /// depth_kind : str, optional
     ///     How to read `depth`, as in `render`.
-    /// near, far : float, optional
+    /// near, far, depth_range : float, optional
     ///     Clip planes in metres, for the kinds that need them.
     ///
     /// Returns
@@ -195,7 +198,7 @@ impl PyLens {
     /// >>> depth = np.linspace(1.0, 5.0, 400).reshape(20, 20)
     /// >>> round(lens.focused_on(depth, "nearest").focus_distance, 2)
     /// 1.04
-    #[pyo3(signature = (depth, target, *, depth_kind="z", near=None, far=None))]
+    #[pyo3(signature = (depth, target, *, depth_kind="z", near=None, far=None, depth_range=None))]
     fn focused_on(
         &self,
         depth: &Bound<'_, PyAny>,
@@ -203,8 +206,10 @@ impl PyLens {
         depth_kind: &str,
         #[pyo3(from_py_with = argument::near)] near: Option<f64>,
         #[pyo3(from_py_with = argument::far)] far: Option<f64>,
+        #[pyo3(from_py_with = argument::depth_range)] depth_range: Option<[f64; 2]>,
     ) -> PyResult<PyLens> {
-        let seen = read_seen_depth(depth, &DepthArguments { depth_kind, near, far }, &self.core)?;
+        let seen =
+            read_seen_depth(depth, &DepthArguments { depth_kind, near, far, depth_range }, &self.core)?;
         let (width, height) = (seen.width, seen.height);
         let all = || (0..height).flat_map(move |y| (0..width).map(move |x| (x, y)));
         let focused = |pixels: &mut dyn Iterator<Item = (usize, usize)>, quantile: f64| {
@@ -256,7 +261,7 @@ impl PyLens {
     ///     Columns and rows; they must not lie on one line.
     /// depth_kind : str, optional
     ///     How to read `depth`, as in `render`.
-    /// near, far : float, optional
+    /// near, far, depth_range : float, optional
     ///     Clip planes in metres, for the kinds that need them.
     ///
     /// Returns
@@ -280,7 +285,7 @@ impl PyLens {
     /// >>> tilted = lens.focused_on_plane(floor, [(0, 8), (8, 8), (4, 2)])
     /// >>> round(tilted.focus_distance, 6), [round(angle, 3) for angle in tilted.tilt]
     /// (2.0, [41.987, 0.0])
-    #[pyo3(signature = (depth, pixels, *, depth_kind="z", near=None, far=None))]
+    #[pyo3(signature = (depth, pixels, *, depth_kind="z", near=None, far=None, depth_range=None))]
     fn focused_on_plane(
         &self,
         depth: &Bound<'_, PyAny>,
@@ -288,8 +293,10 @@ impl PyLens {
         depth_kind: &str,
         #[pyo3(from_py_with = argument::near)] near: Option<f64>,
         #[pyo3(from_py_with = argument::far)] far: Option<f64>,
+        #[pyo3(from_py_with = argument::depth_range)] depth_range: Option<[f64; 2]>,
     ) -> PyResult<PyLens> {
-        let seen = read_seen_depth(depth, &DepthArguments { depth_kind, near, far }, &self.core)?;
+        let seen =
+            read_seen_depth(depth, &DepthArguments { depth_kind, near, far, depth_range }, &self.core)?;
         let mut places = [[0.0; 3]; 3];
         for (place, [x, y]) in places.iter_mut().zip(pixels) {
             let (x, y) = pixel(x, y, &seen)?;

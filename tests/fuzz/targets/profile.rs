@@ -21,7 +21,7 @@ fuzz_target!(init: quiet_panics(), |bytes: &[u8]| {
         4 => (JPEG, jpeg(0xe1, &[b"Exif\0\0", bytes].concat())),
         _ => (WEBP, webp(bytes)),
     };
-    let pixels = |file: &[u8]| read_file(file, read_raster).map(|Raster { samples, .. }| match samples {
+    let pixels = |file: &[u8]| read_file(file, |path| read_raster(path, false)).map(|Raster { samples, .. }| match samples {
         Samples::U8(values) => values,
         _ => panic!("a sample of another type"),
     });
@@ -64,7 +64,7 @@ fn jpeg(marker: u8, data: &[u8]) -> Vec<u8> {
 fn webp(profile: &[u8]) -> Vec<u8> {
     const HAS_PROFILE: u8 = 1 << 5;
     let picture = &WEBP[12..];
-    let size = read_file(WEBP, read_raster).map(|raster| (raster.width, raster.height));
+    let size = read_file(WEBP, |path| read_raster(path, false)).map(|raster| (raster.width, raster.height));
     let (width, height) = size.unwrap_or_else(|_| panic!("the picture without it is sound"));
     let side = |pixels: usize| (pixels as u32 - 1).to_le_bytes();
     let extended = [&[HAS_PROFILE, 0, 0, 0], &side(width)[..3], &side(height)[..3]].concat();

@@ -6,7 +6,7 @@ use dofsim_fuzz::{check, quiet_panics, read_file};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(init: quiet_panics(), |bytes: &[u8]| {
-    if let Ok(raster) = read_file(bytes, read_raster) {
+    if let Ok(raster) = read_file(bytes, |path| read_raster(path, false)) {
         check(&raster);
     }
 });

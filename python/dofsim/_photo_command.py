@@ -1,0 +1,204 @@
+"""`dofsim photo`: one command for a photograph with depth."""
+
+from __future__ import annotations
+
+import logging
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+import dofsim
+
+from . import _command_options as options
+from . import _console, _options
+
+log = logging.getLogger("dofsim")
+
+# The subjects that help lists options by, beside those of all commands.
+_LENS, _DEPTH, _PICTURE = "Lens", "Depth", "Picture"
+
+FNumber = Annotated[
+    float,
+    typer.Option(
+        metavar="N",
+        help="The opening, as of a lens before a full frame: the smaller, the more blur.",
+        rich_help_panel=_LENS,
+    ),
+]
+Nearest = Annotated[
+    float,
+    typer.Option(
+        "--nearest-m",
+        metavar="METRES",
+        help="How far away the nearest thing in the picture is, in metres.",
+        rich_help_panel=_LENS,
+    ),
+]
+FocusAt = Annotated[
+    str | None,
+    typer.Option(
+        metavar="X,Y",
+        help="Focus on what this pixel shows; the middle of the picture by default.",
+        rich_help_panel=_LENS,
+    ),
+]
+FarIsWhite = Annotated[
+    bool,
+    typer.Option(
+        "--depth-far-is-white",
+        help="Larger values of the depth map are farther.",
+        rich_help_panel=_DEPTH,
+    ),
+]
+AsItIs = Annotated[
+    bool,
+    typer.Option(
+        "--keep-depth",
+        help="Use the depth as it is; it must be of the picture's size.",
+        rich_help_panel=_DEPTH,
+    ),
+]
+SaveDepth = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="Also write the depth that was used, as a PNG of 16 bits, near white.",
+        rich_help_panel=_DEPTH,
+    ),
+]
+Matte = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="A grey picture of the photograph's size, white where the subject is: for hair.",
+        rich_help_panel=_PICTURE,
+    ),
+]
+RestoreHighlights = Annotated[
+    bool,
+    typer.Option(
+        "--restore-highlights", help="Give clipped lamps their light back.", rich_help_panel=_PICTURE
+    ),
+]
+KeepGrain = Annotated[
+    bool,
+    typer.Option(
+        "--keep-grain", help="Give blurred places the photograph's grain back.", rich_help_panel=_PICTURE
+    ),
+]
+Quality = Annotated[
+    int, typer.Option(metavar="N", help="Quality of JPEG and HEIC, 1 to 100.", rich_help_panel=_PICTURE)
+]
+
+
+def photo_command(
+    photo: Annotated[Path, typer.Argument(help="HEIC, AVIF, JPEG or any other picture.", metavar="PHOTO")],
+    *,
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="JPEG, PNG, HEIC or TIFF to write, in the photograph's colours.",
+        ),
+    ],
+    depth: Annotated[
+        Path | None,
+        typer.Argument(help="A depth map of any size, if the photograph has none in it.", metavar="DEPTH"),
+    ] = None,
+    focus_at: FocusAt = None,
+    f_number: FNumber = 1.4,
+    nearest_m: Nearest = 1.0,
+    blades: options.Blades = None,
+    depth_far_is_white: FarIsWhite = False,
+    keep_depth: AsItIs = False,
+    save_depth: SaveDepth = None,
+    matte: Matte = None,
+    restore_highlights: RestoreHighlights = False,
+    keep_grain: KeepGrain = False,
+    quality: Quality = 95,
+    device: options.Device = "auto",
+    quiet: options.Quiet = False,
+    verbose: options.Verbose = False,
+) -> None:
+    """Give a photograph the depth of field of a wide lens."""
+    import numpy as np
+
+    from . import io
+    from . import photo as photos
+    from .cli import _check_output
+
+    _console.set_level(quiet=quiet, verbose=verbose)
+    for path, suffixes in ((output, photos.SUFFIXES), (save_depth, (".png",))):
+        if path is not None:
+            _check_output(path, [photo, depth, matte], suffixes)
+    if save_depth is not None and save_depth.absolute() == output.absolute():
+        raise ValueError(f"{output}: cannot hold the picture and its depth")
+    start = time.perf_counter()
+    shot = photos.read(photo, depth, depth_far_is_white=depth_far_is_white)
+    if shot.depth is None:
+        raise ValueError(
+            f"{photo}: has no depth in it; give a depth map beside it, such as a network makes: "
+            f"dofsim photo {photo.name} depth.png -o {output.name}"
+        )
+    given = shot.depth.shape
+    height, width = shot.image.pixels.shape[:2]
+    plane = shot.depth if keep_depth else photos.refined(shot)
+    if plane.shape != (height, width):
+        raise ValueError(
+            f"{depth or photo}: the depth is {given[1]} x {given[0]} and the picture {width} x {height} "
+            "pixels; without --keep-depth it is enlarged"
+        )
+    x, y = (width // 2, height // 2) if focus_at is None else _options.read_pixel(focus_at)
+    lens = photos.lens_for(shot, f_number=f_number, nearest_m=nearest_m)
+    try:
+        lens = lens.focused_at(plane, x, y, radius_px=max(height, width) // 200, depth_kind="relative")
+    except IndexError as error:
+        raise ValueError(f"--focus-at: {error}") from error
+    cover = None if matte is None else photos.read_matte(matte)
+    if cover is not None and cover.shape != (height, width):
+        raise ValueError(
+            f"{matte}: must have the size of the photograph, {width} x {height}; got "
+            f"{cover.shape[1]} x {cover.shape[0]}"
+        )
+    aperture: dict[str, Any] = {} if blades is None else {"aperture": dofsim.Aperture(blades=blades)}
+    log.debug("%r", lens)
+    _console.wake(device, verbose=verbose)
+    result = photos.render(
+        shot,
+        plane,
+        lens,
+        matte=cover,
+        restore_highlights=restore_highlights,
+        keep_grain=keep_grain,
+        device=device,
+        **aperture,
+    )
+    photos.write(output, result, shot, quality=quality)
+    if save_depth is not None:
+        low, high = float(plane.min()), float(plane.max())
+        shares = (plane - low) / max(high - low, 1e-30)
+        io.write_image(save_depth, np.rint(65535 * shares).astype(np.uint16))
+    seconds = time.perf_counter() - start
+    radius = np.abs(dofsim.coc(plane, lens, depth_kind="relative"))
+    named = shot.image.profile.name if shot.image.profile else "sRGB"
+    origin = "depth" if depth is not None else "its own depth"
+    how = "as it is" if keep_depth else "refined"
+    log.info(
+        "%s: %d x %d, %s of %d x %d %s, focus at %d,%d, blur radius %.0f to %.0f px, %s, %s",
+        output,
+        width,
+        height,
+        origin,
+        *given[::-1],
+        how,
+        x,
+        y,
+        radius.min(),
+        radius.max(),
+        named,
+        _console.taken(seconds),
+    )

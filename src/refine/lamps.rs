@@ -1,0 +1,212 @@
+//! The depth of what is small and bright.
+//!
+//! A lamp of three pixels is nearly gone from a depth map that was blurred by two: what is left has a fifth of its
+//! contrast, and no side of any middle. But the picture shows where the lamp is, and a blur keeps sums. So its depth
+//! is that which, blurred alike, leaves the least of the map unexplained. It is worth the effort because all of a
+//! lamp's light is drawn with the circle of confusion of that depth.
+
+use crate::cancel::Cancel;
+use crate::error::Result;
+
+use super::plane::{Plane, Tile, fade};
+use super::steps::{LEAST_CONTRAST, Steps, margin_px, steps};
+
+/// What outshines all around it by this factor begins to be a lamp, and by twice as much is one.
+const OUTSHINES: f32 = 3.0;
+/// Light below this share of white is no lamp's, however dark it is around.
+const FAINTEST: f32 = 0.5;
+/// How often steps and lamps are found, each without the other.
+const ROUNDS: usize = 3;
+/// Around a lamp, what is behind it is not seen in the map.
+const HOLE: usize = 2;
+/// The standard deviation of the window in which it is looked for, in units of the reach of the blur.
+const WINDOW: f32 = 0.7;
+/// The share of what is unexplained that lamps have to explain.
+const TRUST: [f32; 2] = [0.2, 0.5];
+/// How much wider than the blur the surroundings are in which a lamp's depth is looked for.
+const PROBE: f32 = 1.5;
+
+/// Depth with steps and with lamps. `light` is the light of each pixel, 1 for white.
+pub fn steps_and_lamps(
+    depth: &Plane,
+    light: &Plane,
+    width_px: f32,
+    range: f32,
+    cancel: &Cancel,
+) -> Result<Steps> {
+    let margin = margin_px(width_px);
+    let tiles = Tile::each([depth], margin, |tile| {
+        let (low, high) = tile.planes[0].range();
+        (high - low > LEAST_CONTRAST * range).then(|| steps(&tile.planes[0], width_px, range))
+    });
+    let mut found = Steps { depth: depth.clone(), coverage: depth.like(|_, out| out.fill(1.0)) };
+    found.depth.write_tiles(margin, tiles.iter().map(|tile| Some(&tile.as_ref()?.depth)));
+    found.coverage.write_tiles(margin, tiles.iter().map(|tile| Some(&tile.as_ref()?.coverage)));
+    drop(tiles);
+    cancel.check()?;
+
+    // All of a blurred lamp, and what is behind it.
+    let reach = (0.8 * width_px).ceil() as usize + 2;
+    let margin = 2 * margin + reach;
+    let Some(sigma) = blur_px([depth, &found.depth, light], reach, width_px) else { return Ok(found) };
+    let tiles =
+        Tile::each([depth, &found.depth, light], margin, |Tile { planes: [depth, steps, light], .. }| {
+            let lamps = coverage(&light, reach)?;
+            let (low, high) = depth.range();
+            let seen = high - low > LEAST_CONTRAST * range;
+            seen.then(|| with_lamps(&depth, &steps, &lamps, Blur { width_px, sigma, reach }, range))
+        });
+    found.depth.write_tiles(margin, tiles.iter().map(Option::as_ref));
+    cancel.check()?;
+    Ok(found)
+}
+
+/// The blur of a map.
+#[derive(Clone, Copy)]
+struct Blur {
+    /// The width of its edges.
+    width_px: f32,
+    /// The standard deviation of the Gaussian that is most like it.
+    sigma: f32,
+    /// Where it has ended.
+    reach: usize,
+}
+
+/// The depth of lamps put into that of steps.
+fn with_lamps(depth: &Plane, plain: &Plane, lamps: &Plane, blur: Blur, range: f32) -> Plane {
+    let Blur { width_px, sigma, reach } = blur;
+    // A map has one depth a pixel: that of what covers more than half of it.
+    let solid = lamps.with(lamps, |share, _| fade(share, 0.35, 0.65));
+    let (blurred_lamps, holes) = (solid.blurred(sigma), lamps.maxima(HOLE));
+    let window_px = WINDOW * reach as f32;
+    // A wider blur than the map's: what counts is the sum of what is unexplained, wherever exactly the map has put it.
+    let probe = solid.blurred(PROBE * sigma);
+    let local = Local::new(&probe, window_px);
+    let own = local.covariance(&blurred_lamps);
+    let shares = lamps.blurred(1.0);
+
+    let mut behind = without(plain, &holes);
+    for round in 1.. {
+        let unexplained = depth.with(&behind.blurred(sigma), |depth, explained| depth - explained);
+        // What is unexplained is a lamp's contrast times its blurred coverage: least squares, locally.
+        let contrast = local.covariance(&unexplained).with(&own, |shared, own| shared / (own + 1e-6));
+        let trust = local.correlation(&unexplained);
+        let contrast = contrast.with(&trust, |contrast, trust| contrast * fade(trust, TRUST[0], TRUST[1]));
+        // One contrast a lamp.
+        let contrast = contrast.with(lamps, |contrast, lamp| contrast * lamp).blurred(1.0);
+        let contrast = contrast.with(&shares, |sum, share| sum / share.max(1e-4));
+        let lit = contrast.with(&solid, |contrast, lamp| contrast * lamp);
+        if round == ROUNDS {
+            let whole = lamps.with(&contrast, |lamp, contrast| if lamp > 0.5 { contrast } else { 0.0 });
+            return behind.with(&whole, |behind, contrast| behind + contrast);
+        }
+        let rest = depth.with(&lit.blurred(sigma), |depth, lamps| depth - lamps);
+        behind = without(&steps(&rest, width_px, range).depth, &holes);
+    }
+    unreachable!("the rounds are counted")
+}
+
+/// Local statistics of planes and of one that they are compared with.
+struct Local<'a> {
+    probe: &'a Plane,
+    mean: Plane,
+    window_px: f32,
+}
+
+impl Local<'_> {
+    fn new(probe: &Plane, window_px: f32) -> Local<'_> {
+        Local { probe, mean: probe.blurred(window_px), window_px }
+    }
+
+    /// The covariance of a plane with the probe.
+    fn covariance(&self, plane: &Plane) -> Plane {
+        let products = plane.with(self.probe, |a, b| a * b).blurred(self.window_px);
+        let means = plane.blurred(self.window_px).with(&self.mean, |a, b| a * b);
+        products.with(&means, |product, means| product - means)
+    }
+
+    /// The squared correlation of a plane with the probe.
+    fn correlation(&self, plane: &Plane) -> Plane {
+        let mean = plane.blurred(self.window_px);
+        let square = plane.with(plane, |a, b| a * b).blurred(self.window_px);
+        let variance = square.with(&mean, |square, mean| square - mean * mean);
+        let variances = variance.with(&self.covariance(self.probe), |a, b| a * b);
+        self.covariance(plane).with(&variances, |shared, both| shared * shared / both.max(1e-20))
+    }
+}
+
+/// The standard deviation of the blur by which sharp depth becomes the given one, if there are lamps: among several
+/// the one that explains most around lamps.
+fn blur_px(planes: [&Plane; 3], reach: usize, width_px: f32) -> Option<f32> {
+    // A Gaussian's edges are 2.5 deviations wide, and a box is 3.5 of its own.
+    let candidates = [0.29, 0.34, 0.39, 0.44].map(|share| share * width_px);
+    let margin = 2 * reach;
+    let sums = Tile::each(planes, margin, |Tile { planes: [depth, sharp, light], .. }| {
+        coverage(&light, reach)?;
+        Some(candidates.map(|sigma| {
+            let explained = sharp.blurred(sigma);
+            let rows = (margin..depth.height - margin).flat_map(|y| {
+                let inside = y * depth.width + margin..(y + 1) * depth.width - margin;
+                depth.values[inside.clone()].iter().zip(&explained.values[inside])
+            });
+            rows.map(|(a, b)| f64::from((a - b) * (a - b))).sum::<f64>()
+        }))
+    });
+    let mut unexplained = [0.0; 4];
+    let mut lamps = false;
+    for sums in sums.iter().flatten() {
+        lamps = true;
+        unexplained.iter_mut().zip(sums).for_each(|(total, sum)| *total += sum);
+    }
+    if !lamps {
+        return None;
+    }
+    // The vertex of the parabola through the least one and its neighbours.
+    let best =
+        (1..candidates.len() - 1).min_by(|a, b| unexplained[*a].total_cmp(&unexplained[*b])).unwrap_or(1);
+    let [before, least, after] = [unexplained[best - 1], unexplained[best], unexplained[best + 1]];
+    let curvature = before - 2.0 * least + after;
+    let offset = if curvature > 0.0 { (0.5 * (before - after) / curvature).clamp(-1.0, 1.0) } else { 0.0 };
+    Some(candidates[best] + offset as f32 * (candidates[1] - candidates[0]))
+}
+
+/// The share of each pixel that lamps cover, if there are any: what stands out from the darkest surroundings that are
+/// `2 reach + 1` pixels wide, relative to the most that does so nearby.
+fn coverage(light: &Plane, reach: usize) -> Option<Plane> {
+    let (darkest, brightest) = light.range();
+    if brightest < FAINTEST || brightest < OUTSHINES * darkest {
+        return None;
+    }
+    let around = light.minima(reach).maxima(reach);
+    let excess = light.with(&around, |light, around| light - around);
+    let brightest = excess.maxima(reach);
+    // The light of a lamp, as noisy as it may be: the mean of what is more than half as bright as the brightest.
+    let inner = excess
+        .with(&brightest, |excess, brightest| fade(excess / brightest.max(f32::MIN_POSITIVE), 0.4, 0.6));
+    let radius_px = 0.5 * reach as f32;
+    let level = excess.with(&inner, |excess, inner| excess * inner).blurred(radius_px);
+    let level = level.with(&inner.blurred(radius_px), |sum, weight| sum / weight.max(1e-6));
+    let coverage = light.like(|y, out| {
+        let y = y as isize;
+        let rows = excess.row(y).iter().zip(level.row(y)).zip(around.row(y));
+        out.iter_mut().zip(rows).for_each(|(out, ((excess, level), around))| {
+            let ratio = level / (around + 0.05);
+            *out = (excess / level.max(f32::MIN_POSITIVE)).clamp(0.0, 1.0)
+                * fade(ratio, OUTSHINES, 2.0 * OUTSHINES)
+                * fade(*level, FAINTEST, 2.0 * FAINTEST);
+        });
+    });
+    coverage.values.iter().any(|v| *v > 0.0).then_some(coverage)
+}
+
+/// Depth continued over holes from around them.
+fn without(depth: &Plane, holes: &Plane) -> Plane {
+    let kept = holes.like(|y, out| {
+        out.iter_mut().zip(holes.row(y as isize)).for_each(|(out, hole)| *out = fade(-hole, -0.3, -0.1));
+    });
+    let sums = depth.with(&kept, |depth, kept| depth * kept).blurred(2.0);
+    let weights = kept.blurred(2.0);
+    let mean = sums.with(&weights, |sum, weight| sum / weight.max(1e-6));
+    let filled = mean.with(&kept, |mean, kept| mean * (1.0 - kept));
+    depth.with(&kept, |depth, kept| depth * kept).with(&filled, |kept, filled| kept + filled)
+}

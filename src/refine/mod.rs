@@ -1,0 +1,94 @@
+//! Depth as the world has it: soft, coarse and noisy maps become sharp ones of the picture's size.
+//!
+//! Everything here works on disparity, in which a lens's blur is linear, and on no scale of it in particular.
+
+mod lamps;
+mod noise;
+mod plane;
+mod quantile;
+mod registration;
+mod softness;
+mod steps;
+
+pub use plane::{Plane, fade};
+
+use crate::cancel::Cancel;
+use crate::error::Result;
+use quantile::quantiles;
+use rayon::prelude::*;
+
+/// Edges that are up to this wide are sharp, and from the second width on soft: between two pixels of sharp depth there
+/// is one pixel.
+const SHARP_PX: [f32; 2] = [1.1, 1.4];
+/// Depth is refined at half of its size first if that many times as much of its edges is seen there.
+const MANY: f32 = 2.0;
+/// Smaller depth is not halved.
+const SMALLEST_PX: usize = 64;
+
+/// Refined depth.
+pub struct Refined {
+    /// Depth, of the picture's size.
+    pub depth: Plane,
+    /// Coverage of each pixel by the nearer of two surfaces that meet in it; 1 away from edges.
+    pub coverage: Plane,
+    /// The width of the given edges in pixels.
+    pub width_px: f32,
+}
+
+/// Refines disparity, of any scale and of any size, for a picture of which `light` is the light of each pixel.
+///
+/// Depth that is sharp and without noise comes back to the bit.
+pub fn refine(disparity: &Plane, light: &Plane, cancel: &Cancel) -> Result<Refined> {
+    let enlarged = (disparity.width, disparity.height) != (light.width, light.height);
+    let depth = if enlarged { disparity.resized(light.width, light.height) } else { disparity.clone() };
+    let [low, high] = quantiles(depth.values.par_iter().copied(), [0.005, 0.995]);
+    let range = high - low;
+    if range <= 0.0 {
+        return Ok(unchanged(depth, 1.0));
+    }
+    cancel.check()?;
+    let noise = noise::deviation(&depth);
+    let depth = noise::without_noise(&depth, noise, range).unwrap_or(depth);
+    refined(&depth, light, range, noise, cancel)
+}
+
+/// Refines depth of the picture's size, whose extent and noise are known.
+fn refined(depth: &Plane, light: &Plane, range: f32, noise: f32, cancel: &Cancel) -> Result<Refined> {
+    cancel.check()?;
+    let (width_px, edges_px) = softness::width_px(depth, range, noise);
+    // Edges that are too wide for the window are seen at half of the size.
+    let at_half = (depth.width.min(depth.height) > SMALLEST_PX).then(|| depth.halved());
+    let wide = at_half.filter(|half| 2.0 * softness::width_px(half, range, noise).1 > MANY * edges_px);
+    if let Some(half) = wide {
+        let coarse = refined(&half, &light.halved(), range, noise, cancel)?;
+        let depth = coarse.depth.resized(depth.width, depth.height);
+        let (sharper_px, _) = softness::width_px(&depth, range, noise);
+        let found = at(&depth, light, sharper_px, range, cancel)?;
+        return Ok(Refined { width_px: 2.0 * coarse.width_px, ..found });
+    }
+    let Some(misfit) = registration::misfit(depth, light, width_px, range) else {
+        return at(depth, light, width_px, range, cancel);
+    };
+    cancel.check()?;
+    let shifted = misfit.shifted(depth);
+    let (shifted_px, _) = softness::width_px(&shifted, range, noise);
+    let found = at(&shifted, light, shifted_px, range, cancel)?;
+    Ok(Refined { depth: misfit.shrunk(&found.depth), width_px, ..found })
+}
+
+/// Refines depth whose edges are `width_px` wide.
+fn at(depth: &Plane, light: &Plane, width_px: f32, range: f32, cancel: &Cancel) -> Result<Refined> {
+    let strength = fade(width_px, SHARP_PX[0], SHARP_PX[1]);
+    if strength <= 0.0 {
+        return Ok(unchanged(depth.clone(), width_px));
+    }
+    let found = lamps::steps_and_lamps(depth, light, width_px, range, cancel)?;
+    let mixed = |from: &Plane, to: &Plane| from.with(to, |from, to| from + strength * (to - from));
+    let sharp = depth.like(|_, out| out.fill(1.0));
+    Ok(Refined { depth: mixed(depth, &found.depth), coverage: mixed(&sharp, &found.coverage), width_px })
+}
+
+fn unchanged(depth: Plane, width_px: f32) -> Refined {
+    let coverage = depth.like(|_, out| out.fill(1.0));
+    Refined { depth, coverage, width_px }
+}
