@@ -9,7 +9,7 @@ use super::samples::array;
 use crate::clipped::gains;
 use crate::matte::{colors, continued};
 use crate::memory::Buffer;
-use crate::refine::Plane;
+use crate::refine::{Plane, brightest};
 use numpy::{PyArray1, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -72,7 +72,7 @@ pub fn restore_highlights<'py>(
     let (size, lights) = (shape.size, format.lights(shape.size));
     let values = detached(py, threads, |cancel| {
         let area = size.pixels();
-        let light = brightest(&planes[..lights * area], size.width, size.height);
+        let light = brightest(&self::planes(&planes[..lights * area], size.width, size.height));
         let gains = gains(&light, max_gain as f32, cancel)?;
         for plane in planes[..lights * area].chunks_mut(area) {
             plane.iter_mut().zip(gains.values.iter()).for_each(|(v, gain)| *v *= gain);
@@ -84,15 +84,10 @@ pub fn restore_highlights<'py>(
     Ok(out.reshape(if format.flat { &channels[..2] } else { &channels[..] })?.into_any())
 }
 
-/// The brightest channel of each pixel.
-pub fn brightest(lights: &[f32], width: usize, height: usize) -> Plane {
-    Plane::of_rows(width, height, |y, out| {
-        out.fill(0.0);
-        for plane in lights.chunks(width * height) {
-            let row = &plane[y * width..][..width];
-            out.iter_mut().zip(row).for_each(|(out, v)| *out = out.max(*v));
-        }
-    })
+/// Planes of values that follow one another.
+pub fn planes(values: &[f32], width: usize, height: usize) -> Vec<Plane> {
+    let plane = |values: &[f32]| Plane { width, height, values: Buffer::from(values) };
+    values.chunks(width * height).map(plane).collect()
 }
 
 fn interleaved(planes: &[f32], area: usize, channels: usize) -> Vec<f32> {
@@ -176,10 +171,7 @@ pub fn layers_from_matte<'py>(
     }
     let area = size.pixels();
     let (layers, depths) = detached(py, threads, |cancel| {
-        let color: Vec<Plane> = planes
-            .chunks(area)
-            .map(|values| Plane { width: size.width, height: size.height, values: Buffer::from(values) })
-            .collect();
+        let color = self::planes(&planes, size.width, size.height);
         let [front, back] = colors(&color, &matte, cancel)?;
         let channel = |side: &[Plane], c: usize, i: usize| side[c % side.len()].values[i];
         let mut layers = Vec::with_capacity(8 * area);

@@ -4,7 +4,7 @@ use super::argument;
 use super::color::{color_shape, read_format, read_layer_color};
 use super::depth::{DepthArguments, DepthPlanes, read_depth, read_depth_arguments, read_invalid};
 use super::invalid_color::InvalidColor;
-use super::photograph::brightest;
+use super::photograph::planes;
 use super::run::detached;
 use super::samples::array;
 use crate::depth::{DepthKind, Invalid, Rays, disparity_plane};
@@ -48,8 +48,8 @@ use pyo3::prelude::*;
 ///
 /// Notes
 /// -----
-/// An edge that the map has lost altogether does not come back, unless it is that of a lamp. Depth of more than about
-/// 2 px beside the picture's edges stays beside them.
+/// A map that lies beside the picture, or whose foreground is too large, is moved or shrunk as a whole, by up to 3 px. An edge
+/// that the map has lost altogether does not come back, unless it is that of a lamp.
 ///
 /// Examples
 /// --------
@@ -140,8 +140,8 @@ impl Refining {
         detached(py, self.threads, |cancel| {
             let values = disparity_plane(given, depth.width, kind, Some(Rays::PARALLEL), self.invalid)?;
             let disparity = Plane { width: depth.width, height: depth.height, values };
-            let light = brightest(lights, size.width, size.height);
-            let refined = refine(&disparity, &light, cancel)?;
+            let colors = planes(lights, size.width, size.height);
+            let refined = refine(&disparity, &colors, cancel)?;
             let same = (depth.width, depth.height) == (size.width, size.height);
             let mut values = Buffer::of_each(&refined.depth.values, |d| kind.value(f64::from(*d)) as f32);
             if same {

@@ -5,11 +5,10 @@
 //! is that which, blurred alike, leaves the least of the map unexplained. It is worth the effort because all of a
 //! lamp's light is drawn with the circle of confusion of that depth.
 
-use crate::cancel::Cancel;
-use crate::error::Result;
-
 use super::plane::{Plane, Tile, fade};
 use super::steps::{LEAST_CONTRAST, Steps, margin_px, steps};
+use crate::cancel::Cancel;
+use crate::error::Result;
 
 /// What outshines all around it by this factor begins to be a lamp, and by twice as much is one.
 const OUTSHINES: f32 = 3.0;
@@ -26,12 +25,14 @@ const TRUST: [f32; 2] = [0.2, 0.5];
 /// How much wider than the blur the surroundings are in which a lamp's depth is looked for.
 const PROBE: f32 = 1.5;
 
-/// Depth with steps and with lamps. `light` is the light of each pixel, 1 for white.
+/// Depth with steps and with lamps. `light` is the light of each pixel, 1 for white. Of a map that was enlarged from means
+/// over squares, `blocks` are their pixels along a side; otherwise 1.
 pub fn steps_and_lamps(
     depth: &Plane,
     light: &Plane,
     width_px: f32,
     range: f32,
+    blocks: usize,
     cancel: &Cancel,
 ) -> Result<Steps> {
     let margin = margin_px(width_px);
@@ -47,14 +48,18 @@ pub fn steps_and_lamps(
 
     // All of a blurred lamp, and what is behind it.
     let reach = (0.8 * width_px).ceil() as usize + 2;
-    let margin = 2 * margin + reach;
-    let Some(sigma) = blur_px([depth, &found.depth, light], reach, width_px) else { return Ok(found) };
+    let margin = (2 * margin + reach).next_multiple_of(blocks);
+    let spread = match blocks {
+        1 => blur_px([depth, &found.depth, light], reach, width_px).map(Spread::Gaussian),
+        _ => Some(Spread::Blocks(blocks)),
+    };
+    let Some(spread) = spread else { return Ok(found) };
     let tiles =
         Tile::each([depth, &found.depth, light], margin, |Tile { planes: [depth, steps, light], .. }| {
             let lamps = coverage(&light, reach)?;
             let (low, high) = depth.range();
             let seen = high - low > LEAST_CONTRAST * range;
-            seen.then(|| with_lamps(&depth, &steps, &lamps, Blur { width_px, sigma, reach }, range))
+            seen.then(|| with_lamps(&depth, &steps, &lamps, Blur { width_px, spread, reach }, range))
         });
     found.depth.write_tiles(margin, tiles.iter().map(Option::as_ref));
     cancel.check()?;
@@ -66,28 +71,49 @@ pub fn steps_and_lamps(
 struct Blur {
     /// The width of its edges.
     width_px: f32,
-    /// The standard deviation of the Gaussian that is most like it.
-    sigma: f32,
+    /// What it does to sharp depth.
+    spread: Spread,
     /// Where it has ended.
     reach: usize,
 }
 
+/// What became of sharp depth.
+#[derive(Clone, Copy)]
+enum Spread {
+    /// It was blurred by something like a Gaussian of this standard deviation.
+    Gaussian(f32),
+    /// It was averaged over squares of so many pixels, and enlarged.
+    Blocks(usize),
+}
+
+impl Spread {
+    fn of(self, plane: &Plane) -> Plane {
+        match self {
+            Spread::Gaussian(sigma) => plane.blurred(sigma),
+            Spread::Blocks(side) => plane.averaged(side).resized(plane.width, plane.height),
+        }
+    }
+}
+
 /// The depth of lamps put into that of steps.
 fn with_lamps(depth: &Plane, plain: &Plane, lamps: &Plane, blur: Blur, range: f32) -> Plane {
-    let Blur { width_px, sigma, reach } = blur;
+    let Blur { width_px, spread, reach } = blur;
     // A map has one depth a pixel: that of what covers more than half of it.
     let solid = lamps.with(lamps, |share, _| fade(share, 0.35, 0.65));
-    let (blurred_lamps, holes) = (solid.blurred(sigma), lamps.maxima(HOLE));
+    let (blurred_lamps, holes) = (spread.of(&solid), lamps.maxima(HOLE));
     let window_px = WINDOW * reach as f32;
     // A wider blur than the map's: what counts is the sum of what is unexplained, wherever exactly the map has put it.
-    let probe = solid.blurred(PROBE * sigma);
+    let probe = match spread {
+        Spread::Gaussian(sigma) => solid.blurred(PROBE * sigma),
+        Spread::Blocks(_) => blurred_lamps.clone(),
+    };
     let local = Local::new(&probe, window_px);
     let own = local.covariance(&blurred_lamps);
     let shares = lamps.blurred(1.0);
 
     let mut behind = without(plain, &holes);
     for round in 1.. {
-        let unexplained = depth.with(&behind.blurred(sigma), |depth, explained| depth - explained);
+        let unexplained = depth.with(&spread.of(&behind), |depth, explained| depth - explained);
         // What is unexplained is a lamp's contrast times its blurred coverage: least squares, locally.
         let contrast = local.covariance(&unexplained).with(&own, |shared, own| shared / (own + 1e-6));
         let trust = local.correlation(&unexplained);
@@ -100,7 +126,7 @@ fn with_lamps(depth: &Plane, plain: &Plane, lamps: &Plane, blur: Blur, range: f3
             let whole = lamps.with(&contrast, |lamp, contrast| if lamp > 0.5 { contrast } else { 0.0 });
             return behind.with(&whole, |behind, contrast| behind + contrast);
         }
-        let rest = depth.with(&lit.blurred(sigma), |depth, lamps| depth - lamps);
+        let rest = depth.with(&spread.of(&lit), |depth, lamps| depth - lamps);
         behind = without(&steps(&rest, width_px, range).depth, &holes);
     }
     unreachable!("the rounds are counted")

@@ -7,6 +7,8 @@ use rayon::prelude::*;
 const BAND: usize = 64;
 /// Rows that one worker takes at least.
 const ROWS_PER_TASK: usize = 32;
+/// How many times maps are known to have been enlarged: parts of a tile's sides.
+const ENLARGED: [usize; 5] = [8, 6, 4, 3, 2];
 /// Columns and rows of a tile.
 const TILE: (usize, usize) = (384, 96);
 
@@ -154,6 +156,52 @@ impl Plane {
                 *out = above + fraction * (below - above);
             }
         })
+    }
+
+    /// Means over squares of `side` pixels, whose sides are parts of the plane's.
+    pub fn averaged(&self, side: usize) -> Plane {
+        let scale = ((side * side) as f32).recip();
+        Plane::of_rows(self.width / side, self.height / side, |y, out| {
+            out.fill(0.0);
+            for row in side * y..side * (y + 1) {
+                let row = self.row(row as isize).chunks_exact(side);
+                out.iter_mut().zip(row).for_each(|(out, part)| *out += part.iter().sum::<f32>());
+            }
+            out.iter_mut().for_each(|out| *out *= scale);
+        })
+    }
+
+    /// The plane that linear interpolation enlarged `side` times to this one, if one did.
+    fn before_enlarging(&self, side: usize) -> Plane {
+        // Between the centres of its pixels, values are on a line.
+        let along = |a: f32, b: f32| a - (b - a) * (0.5 - 0.5 * (side % 2) as f32);
+        let first = side / 2;
+        Plane::of_rows(self.width / side, self.height / side, |y, out| {
+            let (above, below) =
+                (self.row((side * y + first) as isize), self.row((side * y + first + 1) as isize));
+            for (x, out) in out.iter_mut().enumerate() {
+                let (left, right) = (side * x + first, (side * x + first + 1).min(self.width - 1));
+                *out = along(along(above[left], above[right]), along(below[left], below[right]));
+            }
+        })
+    }
+
+    /// How many times a smaller plane was enlarged to this one by linear interpolation; 1 if that was not done.
+    pub fn enlarged_by(&self, range: f32) -> usize {
+        let fits = |side: &usize| {
+            let whole = self.width.is_multiple_of(*side) && self.height.is_multiple_of(*side);
+            whole && self.width.min(self.height) > 4 * side && {
+                let again = self.before_enlarging(*side).resized(self.width, self.height);
+                // The last columns and rows are not between two centres.
+                let inside = |y: usize| &self.values[y * self.width..][2 * side..self.width - 2 * side];
+                let rows = (2 * side..self.height - 2 * side).into_par_iter();
+                rows.all(|y| {
+                    let again = &again.values[y * self.width..][2 * side..self.width - 2 * side];
+                    inside(y).iter().zip(again).all(|(a, b)| (a - b).abs() < 1e-4 * range)
+                })
+            }
+        };
+        ENLARGED.into_iter().find(fits).unwrap_or(1)
     }
 
     /// The plane at about twice its size, each pixel of which has the value of the one that it is part of.

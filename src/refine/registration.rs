@@ -5,6 +5,7 @@
 //! one displacement and the one growth for which they change most are those of the map.
 
 use super::plane::{Plane, fade};
+use rayon::prelude::*;
 
 /// How far edges are looked for in pixels.
 const REACH: i32 = 3;
@@ -15,8 +16,11 @@ const STRONG: f32 = 0.3;
 /// About as many edges are looked at.
 const EDGES: usize = 16_384;
 /// By how much more colours must change beside the edges than at them, and than anywhere near.
-const BETTER: [f32; 2] = [1.05, 1.2];
-const CLEAR: [f32; 2] = [1.15, 1.35];
+const BETTER: [f32; 2] = [1.15, 1.35];
+const CLEAR: [f32; 2] = [1.25, 1.5];
+
+/// Less is the measurement's own error, and no misfit.
+const LEAST_PX: [f32; 2] = [0.25, 0.5];
 
 /// What a map is to be corrected by.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,25 +38,24 @@ struct Edge {
     weight: f32,
 }
 
-/// Measures the misfit of a map whose edges are `width_px` wide, if there is one. `range` is the extent of all depths.
-pub fn misfit(depth: &Plane, light: &Plane, width_px: f32, range: f32) -> Option<Misfit> {
-    let edges = edges(depth, width_px, range);
-    let codes = light.with(light, |v, _| v.clamp(0.0, 1.0).sqrt());
+/// Measures the misfit of a map with steps, if there is one. `colors` are the channels of linear light, `range` is the extent of all depths.
+pub fn misfit(depth: &Plane, colors: &[Plane], range: f32) -> Option<Misfit> {
+    let edges = edges(depth, range);
     let total: f64 = edges.iter().map(|edge| f64::from(edge.weight)).sum();
     if total <= 0.0 {
         return None;
     }
     let score = |[x, y, growth]: [i32; 3]| -> f32 {
         let changes = edges.iter().map(|edge| {
-            let at = |along: f32| {
+            let at = |color: &Plane, along: f32| {
                 let along = growth as f32 + along;
-                interpolated(
-                    &codes,
-                    edge.place[0] + x as f32 + along * edge.normal[0],
-                    edge.place[1] + y as f32 + along * edge.normal[1],
-                )
+                let place = [0, 1].map(|i| edge.place[i] + [x, y][i] as f32 + along * edge.normal[i]);
+                // About as the eye sees it.
+                interpolated(color, place[0], place[1]).clamp(0.0, 1.0).sqrt()
             };
-            f64::from(edge.weight * (at(0.75) - at(-0.75)).abs().min(STRONG))
+            let changes = colors.iter().map(|color| at(color, 0.75) - at(color, -0.75));
+            let change = changes.map(|v| v * v).sum::<f32>().sqrt();
+            f64::from(edge.weight * change.min(STRONG))
         });
         (changes.sum::<f64>() / total) as f32
     };
@@ -60,7 +63,6 @@ pub fn misfit(depth: &Plane, light: &Plane, width_px: f32, range: f32) -> Option
         .flat_map(|x| (-REACH..=REACH).flat_map(move |y| (-REACH..=REACH).map(move |growth| [x, y, growth])))
         .filter(|[x, y, growth]| x * x + y * y + growth * growth <= (REACH + 1) * (REACH + 1))
         .collect();
-    use rayon::prelude::*;
     let scores: Vec<f32> = candidates.par_iter().map(|candidate| score(*candidate)).collect();
     let best = (0..scores.len()).max_by(|a, b| scores[*a].total_cmp(&scores[*b]))?;
     let of = |candidate: [i32; 3]| {
@@ -87,20 +89,23 @@ pub fn misfit(depth: &Plane, light: &Plane, width_px: f32, range: f32) -> Option
         let curvature = before - 2.0 * highest + after;
         let offset =
             if curvature < 0.0 { (0.5 * (before - after) / curvature).clamp(-0.5, 0.5) } else { 0.0 };
-        trust * (candidates[best][axis] as f32 + offset)
+        let measured = trust * (candidates[best][axis] as f32 + offset);
+        measured * fade(measured.abs(), LEAST_PX[0], LEAST_PX[1])
     });
+    if found == [0.0; 3] {
+        return None;
+    }
     Some(Misfit { shift: [found[0], found[1]], growth: found[2] })
 }
 
 /// Edges of depth all over the picture.
-fn edges(depth: &Plane, width_px: f32, range: f32) -> Vec<Edge> {
+fn edges(depth: &Plane, range: f32) -> Vec<Edge> {
     let margin = 2 * REACH as usize + 2;
     if depth.width <= 2 * margin || depth.height <= 2 * margin {
         return Vec::new();
     }
     let smooth = depth.blurred(1.0);
     let rows = margin..depth.height - margin;
-    use rayon::prelude::*;
     let found: Vec<Edge> = rows
         .into_par_iter()
         .flat_map_iter(|y| {
@@ -110,7 +115,7 @@ fn edges(depth: &Plane, width_px: f32, range: f32) -> Vec<Edge> {
                 let across = (row[x + 1] - row[x], [0.5, 0.0]);
                 let down = (below[x] - row[x], [0.0, 0.5]);
                 [across, down].into_iter().filter_map(move |(step, offset)| {
-                    let share = step.abs() * width_px / range;
+                    let share = step.abs() / range;
                     let weight = fade(share, LEAST_CONTRAST, 2.0 * LEAST_CONTRAST) * share.min(STRONG);
                     if weight <= 0.0 {
                         return None;
