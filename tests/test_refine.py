@@ -194,3 +194,45 @@ def test_what_it_refuses(color, depth, options, text):
 def test_tiny_pictures(shape):
     depth = np.linspace(1.0, 2.0, shape[0] * shape[1]).reshape(shape)
     assert np.isfinite(dofsim.refine_depth(np.ones((*shape, 3), np.float32), depth)).all()
+
+
+@pytest.mark.parametrize("name", ["shifted", "grown"])
+def test_depth_beside_the_picture_is_put_in_place(name):
+    """Where the ground is even, colours tell an edge from everything else."""
+    color = np.where(subject()[..., None], np.array([0.75, 0.45, 0.35]), np.array([0.1, 0.2, 0.3]))
+    depth = exact()
+    misplaced = np.roll(depth, 2, 1) if name == "shifted" else ndi.maximum_filter(depth, 5)
+    found = dofsim.refine_depth(color.astype(np.float32), misplaced, depth_kind="disparity")
+    before, after = (np.abs(one - depth) > 0.1 for one in (misplaced, found))
+    assert after[8:-8, 8:-8].mean() < 0.25 * before[8:-8, 8:-8].mean()
+
+
+def test_lamps_of_a_coarse_map_come_back():
+    """A lamp's depth is in a map of a quarter of the size, spread over the squares that it touches."""
+    depth = np.full((HEIGHT, WIDTH), 0.1, np.float32)
+    color = np.full((HEIGHT, WIDTH, 3), 0.02, np.float32)
+    depth[:, : WIDTH // 3] = 0.6
+    disc = np.hypot(Y - 80, X - 140) <= 2.0
+    depth[disc], color[disc] = 0.7, 30.0
+    for small in (quarter(depth), enlarged(quarter(depth)).astype(np.float32)):
+        sharp = dofsim.refine_depth(color, small, depth_kind="disparity")
+        assert sharp[80, 140] == pytest.approx(0.7, abs=0.1)
+
+
+def test_one_range_for_a_sequence_keeps_what_has_not_moved():
+    depth = exact()
+    near = depth.copy()
+    near[-20:, :40] = 5.0
+    words = {"depth_kind": "relative", "depth_range": (0.1, 1.0)}
+    radius = dofsim.coc(depth, LENS, **words)
+    np.testing.assert_array_equal(dofsim.coc(near, LENS, **words)[:-20], radius[:-20])
+    # Without it every picture has its own scale, and the same pixels another blur.
+    alone = dofsim.coc(near, LENS, depth_kind="relative") - dofsim.coc(depth, LENS, depth_kind="relative")
+    assert np.abs(alone[:-20]).max() > 1.0
+    # Where larger is farther, the first of the range is the larger.
+    turned = dofsim.coc(1.1 - depth, LENS, depth_kind="relative", depth_range=(1.0, 0.1))
+    np.testing.assert_allclose(turned, radius, atol=1e-4)
+    with pytest.raises(ValueError, match="depth_range is for"):
+        dofsim.coc(depth, LENS, depth_kind="disparity", depth_range=(0.0, 1.0))
+    with pytest.raises(ValueError, match="two different disparities"):
+        dofsim.coc(depth, LENS, depth_kind="relative", depth_range=(1.0, 1.0))

@@ -20,7 +20,7 @@ from dofsim._dofsim import focusable_pixels
 
 __all__ = ["Depth", "DepthOfField", "RandomDepthOfField"]
 
-_DEPTH_WORDS = ("depth_kind", "near", "far", "invalid")
+_DEPTH_WORDS = ("depth_kind", "near", "far", "depth_range", "invalid")
 
 
 class Depth(tv_tensors.Mask):
