@@ -117,7 +117,7 @@ def test_metres_of_soft_depth_are_those_of_its_surfaces():
         ~ndi.binary_dilation(subject(), iterations=4),
     )
     np.testing.assert_allclose(sharp[inside], 1 / 0.9, rtol=0.03)
-    np.testing.assert_allclose(sharp[outside], 1 / exact()[outside], rtol=0.06)
+    np.testing.assert_allclose(sharp[outside], 1 / exact()[outside], rtol=0.09)
 
 
 def test_the_background_stays_infinitely_far():

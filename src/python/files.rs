@@ -347,14 +347,13 @@ pub fn encode_codes<'py>(
     Pixmap::new(py, transfers.raster(samples))
 }
 
+/// The name, the curves and the matrix of a profile.
+type ParsedProfile<'py> = (String, Bound<'py, PyArray1<f32>>, Vec<Vec<f64>>);
+
 /// An ICC profile: its name, for each of `lights` channels the linear light of every 16-bit code, shape (lights, 65536),
 /// and the matrix from its linear light to CIE XYZ of D50.
 #[pyfunction]
-pub fn parse_profile<'py>(
-    py: Python<'py>,
-    icc: &[u8],
-    lights: usize,
-) -> PyResult<(String, Bound<'py, PyArray1<f32>>, Vec<Vec<f64>>)> {
+pub fn parse_profile<'py>(py: Python<'py>, icc: &[u8], lights: usize) -> PyResult<ParsedProfile<'py>> {
     let profile = py.detach(|| files::profile::parse(icc, lights));
     let profile = profile.map_err(|problem| PyValueError::new_err(problem.to_string()))?;
     let curves = PyArray1::from_vec(py, profile.curves.concat());
