@@ -22,6 +22,8 @@ const HOLE: usize = 2;
 const WINDOW: f32 = 0.7;
 /// The share of what is unexplained that lamps have to explain.
 const TRUST: [f32; 2] = [0.2, 0.5];
+/// What a lamp has to leave in the map, as a share of all depths: more than 8 bits round.
+const EVIDENCE: [f32; 2] = [0.005, 0.01];
 /// How much wider than the blur the surroundings are in which a lamp's depth is looked for.
 const PROBE: f32 = 1.5;
 
@@ -54,12 +56,14 @@ pub fn steps_and_lamps(
         _ => Some(Spread::Blocks(blocks)),
     };
     let Some(spread) = spread else { return Ok(found) };
+    let (low, high) = depth.range();
+    let ends = [low, high];
     let tiles =
         Tile::each([depth, &found.depth, light], margin, |Tile { planes: [depth, steps, light], .. }| {
             let lamps = coverage(&light, reach)?;
             let (low, high) = depth.range();
             let seen = high - low > LEAST_CONTRAST * range;
-            seen.then(|| with_lamps(&depth, &steps, &lamps, Blur { width_px, spread, reach }, range))
+            seen.then(|| with_lamps(&depth, &steps, &lamps, Blur { width_px, spread, reach }, range, ends))
         });
     found.depth.write_tiles(margin, tiles.iter().map(Option::as_ref));
     cancel.check()?;
@@ -96,7 +100,7 @@ impl Spread {
 }
 
 /// The depth of lamps put into that of steps.
-fn with_lamps(depth: &Plane, plain: &Plane, lamps: &Plane, blur: Blur, range: f32) -> Plane {
+fn with_lamps(depth: &Plane, plain: &Plane, lamps: &Plane, blur: Blur, range: f32, ends: [f32; 2]) -> Plane {
     let Blur { width_px, spread, reach } = blur;
     // A map has one depth a pixel: that of what covers more than half of it.
     let solid = lamps.with(lamps, |share, _| fade(share, 0.35, 0.65));
@@ -111,6 +115,7 @@ fn with_lamps(depth: &Plane, plain: &Plane, lamps: &Plane, blur: Blur, range: f3
     let own = local.covariance(&blurred_lamps);
     let shares = lamps.blurred(1.0);
 
+    let peaks = blurred_lamps.maxima(HOLE);
     let mut behind = without(plain, &holes);
     for round in 1.. {
         let unexplained = depth.with(&spread.of(&behind), |depth, explained| depth - explained);
@@ -118,13 +123,20 @@ fn with_lamps(depth: &Plane, plain: &Plane, lamps: &Plane, blur: Blur, range: f3
         let contrast = local.covariance(&unexplained).with(&own, |shared, own| shared / (own + 1e-6));
         let trust = local.correlation(&unexplained);
         let contrast = contrast.with(&trust, |contrast, trust| contrast * fade(trust, TRUST[0], TRUST[1]));
+        // What is left of a lamp in the map has to stand out of the map's own rounding.
+        let left = contrast.with(&peaks, |contrast, peak| contrast.abs() * peak / range);
+        let contrast = contrast.with(&left, |contrast, left| contrast * fade(left, EVIDENCE[0], EVIDENCE[1]));
         // One contrast a lamp.
         let contrast = contrast.with(lamps, |contrast, lamp| contrast * lamp).blurred(1.0);
         let contrast = contrast.with(&shares, |sum, share| sum / share.max(1e-4));
         let lit = contrast.with(&solid, |contrast, lamp| contrast * lamp);
         if round == ROUNDS {
             let whole = lamps.with(&contrast, |lamp, contrast| if lamp > 0.5 { contrast } else { 0.0 });
-            return behind.with(&whole, |behind, contrast| behind + contrast);
+            // No lamp is nearer than all that is near.
+            return behind.with(&whole, |behind, contrast| match contrast {
+                0.0 => behind,
+                _ => (behind + contrast).clamp(ends[0], ends[1]),
+            });
         }
         let rest = depth.with(&spread.of(&lit), |depth, lamps| depth - lamps);
         behind = without(&steps(&rest, width_px, range).depth, &holes);
