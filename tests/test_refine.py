@@ -97,7 +97,7 @@ def test_lamps_that_the_map_has_nearly_lost_come_back():
     """Lamps of 2 to 4 px on a dark ground; a blur of 2 px leaves a fifth of their contrast."""
     depth = np.full((HEIGHT, WIDTH), 0.1, np.float32)
     color = np.full((HEIGHT, WIDTH, 3), 0.02, np.float32)
-    depth[:, : WIDTH // 3] = 0.6
+    depth[:, : WIDTH // 3] = 0.95
     lamps = [(40, 120, 1.0, 0.5), (40, 160, 1.6, 0.3), (90, 120, 2.2, 0.7), (120, 170, 1.6, 0.9)]
     for y, x, radius, disparity in lamps:
         disc = np.hypot(Y - y, X - x) <= radius
