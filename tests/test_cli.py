@@ -714,6 +714,51 @@ def test_the_library_tells_its_logger(caplog):
     assert "focus 3 m, blur radius 0 to" in record.getMessage()
 
 
+def test_the_library_tells_of_the_depth_that_it_used(caplog):
+    color = np.ones((24, 32, 3), np.float32)
+    coarse = np.linspace(0.1, 0.9, 12 * 16, dtype=np.float32).reshape(12, 16)
+    lens = dofsim.Lens.from_disparity(strength_px=8.0, focus=0.0)
+    words = {"depth_kind": "relative", "depth_range": (0.0, 2.0), "refine": True}
+    with caplog.at_level("INFO", logger="dofsim"):
+        dofsim.render(color, coarse, lens, **words)
+    sharp = dofsim.refine_depth(color, coarse, depth_kind="relative")
+    largest = np.abs(dofsim.coc(sharp, lens, depth_kind="relative", depth_range=(0.0, 2.0))).max()
+    assert f"to {largest:.1f} px" in caplog.records[-1].getMessage()
+    assert largest < 4.0
+
+
+def test_coarse_depth_is_refined_if_asked(scene, capsys):
+    color, depth = scene
+    coarse = np.where(np.isinf(depth), 9.0, depth)[::2, ::2]
+    io.write_depth("coarse.pfm", coarse)
+    arguments = ["render", "a.exr", "coarse.pfm", "-o", "o.exr", *LENS_OPTIONS]
+    assert "of another size must be refined (--refine-depth)" in fails(capsys, 2, *arguments)
+    assert run([*arguments, "--refine-depth", "--focus-at", "30,20"]) == 2
+    assert "--focus-at" in capsys.readouterr().err
+    without_focus = [word for word in arguments if word not in ("--focus-distance", "3")]
+    assert run([*without_focus, "--refine-depth", "--focus-at", "30,20"]) == 0
+    assert f"o.exr: {WIDTH} x {HEIGHT}, depth 1.5 to 9 m, focus 1.5 m" in capsys.readouterr().err
+    lens = dofsim.Lens(aperture_radius=0.03, fov=40.0, focus_distance=1.5)
+    expected = dofsim.render(color, coarse, lens, refine=True)
+    np.testing.assert_allclose(io.read_color("o.exr").pixels, expected, atol=1e-5)
+
+
+def test_one_range_of_depth_for_all_pictures(scene, capsys):
+    _, depth = scene
+    disparity = (1.0 / depth).astype(np.float32)
+    io.write_depth("d.pfm", disparity)
+    arguments = ["render", "a.png", "d.pfm", "-o", "o.npy", "--depth-kind", "relative"]
+    arguments += ["--strength-px", "6", "--focus", "0.5"]
+    assert run([*arguments, "--depth-range", "0,2"]) == 0
+    assert "blur radius" in capsys.readouterr().err
+    lens = dofsim.Lens.from_disparity(strength_px=6.0, focus=0.5)
+    light = io.read_color("a.png").to_linear()
+    expected = dofsim.render(light, disparity, lens, depth_kind="relative", depth_range=(0.0, 2.0))
+    np.testing.assert_array_equal(np.load("o.npy"), expected)
+    assert "--depth-range" in fails(capsys, 2, *arguments, "--depth-range", "0")
+    assert "--depth-range" in fails(capsys, 2, *arguments, "--depth-range", "1,1")
+
+
 def test_a_long_render_says_how_far_it_is(monkeypatch, capsys):
     monkeypatch.setattr(_console, "_FIRST_WORD_S", 0.2)
     monkeypatch.setattr(_console, "_LOOK_S", 0.01)

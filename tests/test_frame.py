@@ -214,3 +214,44 @@ def test_a_pixel_to_focus_on_is_one_of_the_output(picture):
     lens = dofsim.Lens(**LENS).replace(focus_distance=float(depth[MARGIN + 4, MARGIN + 3]))
     expected = dofsim.render(color, depth, lens, overscan=MARGIN)
     np.testing.assert_allclose(io.read_color("o.exr").pixels, expected, atol=1e-5)
+
+
+def test_depth_is_refined_with_its_margin(picture):
+    color, _ = picture
+    column = np.arange(color.shape[1])[None, :] * np.ones((color.shape[0], 1))
+    depth = np.where(column < 40, 2.0, 6.0).astype(np.float32)
+    overscanned("in.exr", color, depth)
+    arguments = ["render", "in.exr", "-o", "out.exr", *OPTIONS, "--window", "data", "--refine-depth"]
+    assert run(arguments) == 0
+    whole = dofsim.render(color, depth, dofsim.Lens(**LENS), overscan=MARGIN, refine=True)
+    np.testing.assert_allclose(io.read_color("out.exr").pixels, whole, atol=1e-5)
+    frame = Frame(
+        color=Path("in.exr"),
+        depth=None,
+        output=Path("b.exr"),
+        lens=LENS,
+        reading={"window": "data"},
+        options={"refine": True},
+    )
+    (result,) = map_frames([frame])
+    assert result.status == "written", result.error
+    np.testing.assert_allclose(io.read_color("b.exr").pixels, whole, atol=1e-5)
+
+
+def test_the_margin_of_a_coarse_map_is_another_one(picture, capsys):
+    color, depth = picture
+    overscanned("in.exr", color, depth)
+    small = window(-MARGIN, -MARGIN, WIDTH // 2 + 2 * MARGIN, HEIGHT // 2 + 2 * MARGIN)
+    coarse = np.full((HEIGHT // 2 + 2 * MARGIN, WIDTH // 2 + 2 * MARGIN), 3.0, np.float32)
+    save(
+        "z.exr",
+        np.repeat(coarse[..., None], 3, -1),
+        coarse,
+        dataWindow=small,
+        displayWindow=window(0, 0, WIDTH // 2, HEIGHT // 2),
+    )
+    arguments = ["render", "in.exr", "z.exr", "-o", "out.exr", *OPTIONS, "--refine-depth"]
+    assert run([*arguments, "--window", "data"]) == 2
+    assert "the data window of the depth is another one" in capsys.readouterr().err
+    assert run(arguments) == 0
+    assert io.read_color("out.exr").pixels.shape == (HEIGHT, WIDTH, 3)

@@ -1,15 +1,13 @@
 """Photographs as phones and networks give them, made with other libraries and by hand."""
 
-import base64
 import contextlib
-import io as bytes_io
-import struct
 
 import dofsim
 import numpy as np
 import pytest
 from dofsim import io, metrics, photo
 from dofsim.cli import run
+from phones import segment, with_dynamic_depth, with_gdepth
 from PIL import Image as Pillow
 from test_profiles import PROFILES
 
@@ -42,64 +40,6 @@ def jpeg(path, picture=PICTURE, **words):
 def png(path, codes):
     Pillow.fromarray(codes).save(path)
     return path
-
-
-def bytes_of(picture, kind="PNG"):
-    buffer = bytes_io.BytesIO()
-    Pillow.fromarray(picture).save(buffer, format=kind)
-    return buffer.getvalue()
-
-
-def segment(body):
-    return b"\xff\xe1" + struct.pack(">H", len(body) + 2) + body
-
-
-def xmp(attributes, inner=""):
-    text = (
-        '<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">'
-        f"<rdf:Description {attributes}>{inner}</rdf:Description></rdf:RDF></x:xmpmeta>"
-    )
-    return text.encode()
-
-
-def with_gdepth(path, codes, form="RangeInverse", near=1.0, far=8.0):
-    """Put a depth map into a JPEG as Google's camera did: its bytes are in parts of extended XMP."""
-    name = 'xmlns:GDepth="http://ns.google.com/photos/1.0/depthmap/" '
-    head = xmp(
-        f'{name}GDepth:Format="{form}" GDepth:Near="{near}" GDepth:Far="{far}" GDepth:Mime="image/png"'
-    )
-    data = base64.b64encode(bytes_of(codes)).decode()
-    tail = xmp(f'{name}GDepth:Data="{data}"')
-    parts = b""
-    for start in range(0, len(tail), 1000):
-        parts += segment(
-            b"http://ns.adobe.com/xmp/extension/\0"
-            + b"A" * 32
-            + struct.pack(">II", len(tail), start)
-            + tail[start : start + 1000]
-        )
-    content = path.read_bytes()
-    path.write_bytes(content[:2] + segment(b"http://ns.adobe.com/xap/1.0/\0" + head) + parts + content[2:])
-
-
-def with_dynamic_depth(path, codes, length=None):
-    """Put a depth map behind a JPEG, as Dynamic Depth does, with another picture behind it."""
-    data, other = bytes_of(codes), bytes_of(PICTURE, "JPEG")
-    names = (
-        'xmlns:Container="http://ns.google.com/photos/1.0/container/" '
-        'xmlns:Item="http://ns.google.com/photos/1.0/container/item/"'
-    )
-    items = (
-        '<Container:Directory><rdf:Seq><rdf:li rdf:parseType="Resource"><Container:Item '
-        'Item:Semantic="Primary" Item:Mime="image/jpeg"/></rdf:li><rdf:li rdf:parseType="Resource">'
-        '<Container:Item Item:Semantic="Depth" '
-        f'Item:Mime="image/png" Item:Length="{len(data) if length is None else length}"/></rdf:li>'
-        '<rdf:li rdf:parseType="Resource"><Container:Item Item:Semantic="GainMap" Item:Mime="image/jpeg" '
-        f'Item:Length="{len(other)}"/></rdf:li></rdf:Seq></Container:Directory>'
-    )
-    content = path.read_bytes()
-    head = segment(b"http://ns.adobe.com/xap/1.0/\0" + xmp(names, items))
-    path.write_bytes(content[:2] + head + content[2:] + data + other)
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))
@@ -203,10 +143,11 @@ def test_one_command(tmp_path, capsys, name):
     jpeg(tmp_path / "in.jpg", exif=exif(1), icc_profile=PROFILES["Display P3"])
     depth, out = png(tmp_path / "d.png", DEPTHS[name]), tmp_path / "out.jpg"
     assert run(["photo", str(tmp_path / "in.jpg"), str(depth), "-o", str(out), "--focus-at", "60,50"]) == 0
-    said = capsys.readouterr().out
+    out_said, said = capsys.readouterr()
+    assert out_said == ""
     assert said.count("\n") == 1
     assert f"out.jpg: {WIDTH} x {HEIGHT}" in said
-    assert "refined, focus at 60,50, blur 0 to" in said
+    assert "refined, focus at 60,50, blur radius 0 to" in said
     assert "Display P3" in said
     again = photo.read(out)
     assert again.image.pixels.shape == PICTURE.shape
@@ -216,6 +157,38 @@ def test_one_command(tmp_path, capsys, name):
     inside, rim = np.hypot(X - 60, Y - 50) < 24, np.abs(np.hypot(X - 60, Y - 50) - 31) < 2
     assert change[inside].mean() < 6
     assert change[rim].mean() > 4
+
+
+def test_quiet_says_nothing_and_verbose_names_the_lens(tmp_path, capsys):
+    jpeg(tmp_path / "in.jpg")
+    depth = png(tmp_path / "d.png", NEARNESS)
+    arguments = ["photo", str(tmp_path / "in.jpg"), str(depth), "-o", str(tmp_path / "out.jpg")]
+    assert run([*arguments, "-q"]) == 0
+    assert capsys.readouterr() == ("", "")
+    assert run([*arguments, "-v"]) == 0
+    assert "Lens.from_disparity(" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        (["--nearest-m", "0"], "--nearest-m must be positive"),
+        (["--f-number", "-1"], "--f-number must be positive"),
+        (["--quality", "0"], "--quality must be"),
+    ],
+)
+def test_wrong_numbers_are_named_as_options(tmp_path, capsys, options, text):
+    jpeg(tmp_path / "in.jpg")
+    depth = png(tmp_path / "d.png", NEARNESS)
+    arguments = ["photo", str(tmp_path / "in.jpg"), str(depth), "-o", str(tmp_path / "out.jpg")]
+    assert run([*arguments, *options]) == 2
+    assert text in capsys.readouterr().err
+    assert not (tmp_path / "out.jpg").exists()
+
+
+def test_a_map_of_integers_needs_no_scale(tmp_path):
+    np.save(tmp_path / "d.npy", NEARNESS)
+    np.testing.assert_array_equal(photo.read_depth(tmp_path / "d.npy"), NEARNESS)
 
 
 def test_larger_may_be_farther(tmp_path):
@@ -230,7 +203,7 @@ def test_what_is_used_can_be_kept(tmp_path):
     depth = png(tmp_path / "d.png", DEPTHS["a quarter of the size"])
     arguments = ["photo", str(tmp_path / "in.jpg"), str(depth), "-o", str(tmp_path / "out.png")]
     assert run([*arguments, "--save-depth", str(tmp_path / "used.png")]) == 0
-    used = io.read_depth(tmp_path / "used.png")
+    used = io.read_depth(tmp_path / "used.png", scale=1.0)
     assert ((used > 32768) == SUBJECT).mean() > 0.97
 
 

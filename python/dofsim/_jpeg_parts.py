@@ -8,6 +8,7 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from ._extras import missing
 from ._files import StrPath, open_regular
 
 _XMP = b"http://ns.adobe.com/xap/1.0/\0"
@@ -125,7 +126,7 @@ def _elements(path: StrPath, text: bytes) -> Iterator[dict[str, str]]:
         from defusedxml import DefusedXmlException
         from defusedxml.ElementTree import ParseError, fromstring
     except ImportError as error:
-        raise ImportError("the depth in a photograph is read with pip install dofsim[photo]") from error
+        raise ImportError(missing("the depth in a photograph needs", "defusedxml", "photo")) from error
     try:
         root = fromstring(text.strip(b"\0 \r\n\t"))
     except (ParseError, DefusedXmlException, ValueError) as error:

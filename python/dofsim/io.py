@@ -168,9 +168,8 @@ class RGBD:
 
     def _repr_png_(self) -> bytes:
         """Return the picture, and its depth as grey: near is light."""
-        image = Image(self.color, self.transfer, self.alpha)
         layers = self.color.ndim == 4
-        shown = self.color if layers or self.transfer == "srgb" else image.to_linear()
+        shown = self.color if layers or self.transfer == "srgb" else self.image.to_linear()
         return _shown.png([shown, _shown.grey(self.depth)])
 
     def __iter__(self) -> Iterator[NDArray[Any]]:

@@ -2,7 +2,7 @@
 
 `read` gives the picture upright, with its colour profile, its Exif and its depth; `render` blurs it, and
 `write` writes it in the same colours. Reading HEIC and AVIF, and writing JPEG and HEIC, takes
-``pip install dofsim[photo]``.
+the extra ``photo``.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 import dofsim
 
 from . import _datasets, _dofsim, io
+from ._extras import missing
 from ._files import StrPath, open_regular
 from ._jpeg_parts import DepthPart, read_depth_part
 from ._save import Alpha
@@ -666,7 +667,7 @@ def _pillow() -> Any:
     try:
         from PIL import Image
     except ImportError as error:
-        raise ImportError("photographs are written with pip install dofsim[photo]") from error
+        raise ImportError(missing("writing photographs needs", "Pillow", "photo")) from error
     return Image
 
 
@@ -674,5 +675,5 @@ def _heif() -> Any:
     try:
         import pillow_heif
     except ImportError as error:
-        raise ImportError("HEIC and AVIF are read and written with pip install dofsim[photo]") from error
+        raise ImportError(missing("HEIC and AVIF need", "pillow-heif", "photo")) from error
     return pillow_heif
