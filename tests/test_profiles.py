@@ -164,4 +164,4 @@ def test_what_is_not_understood_is_an_error(tmp_path, icc, text):
     # Whoever knows better can say so; depth has no colours.
     assert io.read_color(tmp_path / "in.png", transfer="srgb").profile is None
     Pillow.fromarray(CODES[..., 0]).save(tmp_path / "depth.png", icc_profile=icc)
-    assert io.read_depth(tmp_path / "depth.png").shape == (12, 20)
+    assert io.read_depth(tmp_path / "depth.png", scale=1.0).shape == (12, 20)

@@ -178,7 +178,7 @@ def test_render_scene_and_function_refine_alike():
     ("color", "depth", "options", "text"),
     [
         (picture(), np.ones((40, 40)), {}, "depth must have the shape of color, 208 x 160 pixels.*40 x 40"),
-        (picture(), np.full((160, 208), np.nan), {}, "values that are no depth"),
+        (picture(), np.full((160, 208), np.nan), {}, "values that are not valid"),
         (np.ones((2, 8, 8, 4), np.float32), np.ones((8, 8)), {}, "one layer"),
         (picture(), np.ones((2, 160, 208)), {}, "one layer"),
         (np.zeros((160, 208, 3), np.uint8), exact(), {}, "transfer must be given"),
