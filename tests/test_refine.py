@@ -174,6 +174,21 @@ def test_render_scene_and_function_refine_alike():
     np.testing.assert_array_equal(scene.render(LENS), expected)
 
 
+def test_colours_that_are_none_can_be_filled():
+    color, soft = picture(), quarter(exact())
+    color[40, 50] = np.nan
+    words = {"depth_kind": "disparity"}
+    with pytest.raises(ValueError, match="invalid_color"):
+        dofsim.refine_depth(color, soft, **words)
+    sharp = dofsim.refine_depth(color, soft, invalid_color="fill", **words)
+    assert np.isfinite(sharp).all()
+    words |= {"invalid_color": "fill", "device": "cpu"}
+    with pytest.warns(UserWarning, match="color has 3"):
+        whole = dofsim.render(color, soft, LENS, refine=True, **words)
+    with pytest.warns(UserWarning, match="color has 3"):
+        np.testing.assert_array_equal(whole, dofsim.render(color, sharp, LENS, **words))
+
+
 @pytest.mark.parametrize(
     ("color", "depth", "options", "text"),
     [

@@ -193,6 +193,7 @@ def render_command(
             framed.rgbd.depth,
             **{name: value for name, value in kind.items() if name != "depth_range"},
             invalid=depth_options.invalid,
+            invalid_color=render_options.invalid_color,
             alpha="premultiplied" if has_alpha else "none",
             threads=render_options.threads,
         )

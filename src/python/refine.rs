@@ -3,7 +3,7 @@
 use super::argument;
 use super::color::{color_shape, read_format, read_layer_color};
 use super::depth::{DepthArguments, DepthPlanes, read_depth, read_depth_arguments, read_invalid};
-use super::invalid_color::InvalidColor;
+use super::invalid_color::read_invalid_color;
 use super::photograph::planes;
 use super::run::detached;
 use super::samples::array;
@@ -29,8 +29,9 @@ use pyo3::prelude::*;
 ///     The picture, as of `render`; one layer.
 /// depth : ndarray
 ///     Its depth, shape (h, w): of the picture's size or smaller or larger, but of its shape to a pixel of the map.
-/// depth_kind, near, far, invalid, alpha, transfer, threads
-///     As in `render`. Of ``"relative"`` depth the scale is kept.
+/// depth_kind, near, far, invalid, invalid_color, alpha, transfer, threads
+///     As in `render`. Of ``"relative"`` depth the scale is kept. No colour comes back, so nothing is said of those that
+///     are filled.
 /// return_coverage : bool, optional
 ///     Whether to return the coverage of edges, too.
 ///
@@ -62,8 +63,8 @@ use pyo3::prelude::*;
 /// >>> sharp[24, 30:34].round(2)
 /// array([1.  , 1.  , 0.25, 0.25], dtype=float32)
 #[pyfunction]
-#[pyo3(signature = (color, depth, *, depth_kind="z", near=None, far=None, invalid="raise", alpha=None, transfer=None,
-    threads=None, return_coverage=false))]
+#[pyo3(signature = (color, depth, *, depth_kind="z", near=None, far=None, invalid="raise", invalid_color="raise",
+    alpha=None, transfer=None, threads=None, return_coverage=false))]
 #[expect(clippy::too_many_arguments, reason = "the public function's own, keyword-only in Python")]
 pub fn refine_depth<'py>(
     py: Python<'py>,
@@ -73,6 +74,7 @@ pub fn refine_depth<'py>(
     #[pyo3(from_py_with = argument::near)] near: Option<f64>,
     #[pyo3(from_py_with = argument::far)] far: Option<f64>,
     invalid: &str,
+    invalid_color: &str,
     alpha: Option<&str>,
     transfer: Option<&str>,
     #[pyo3(from_py_with = argument::threads)] threads: Option<usize>,
@@ -86,7 +88,7 @@ pub fn refine_depth<'py>(
         return Err(one_layer(shape.layers));
     }
     let format = read_format(array, &shape, alpha, transfer)?;
-    let (planes, ..) = read_layer_color(array, &shape, 0, &format, InvalidColor::Raise)?;
+    let (planes, ..) = read_layer_color(array, &shape, 0, &format, read_invalid_color(invalid_color)?)?;
     let size = shape.size;
     let depth = Refining { kind, invalid, threads }.refined(
         py,

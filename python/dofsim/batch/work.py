@@ -26,6 +26,7 @@ from .records import fingerprint, is_done, write_record
 T = TypeVar("T")
 
 _DEPTH_WORDS = ("depth_kind", "near", "far", "depth_range")
+_REFINING_WORDS = ("depth_kind", "near", "far", "invalid", "invalid_color", "threads")
 _SCENE_WORDS = ("device", *_DEPTH_WORDS, "invalid", "invalid_color", "overscan", "supersample")
 # No frame after it can be written either, so this ends the run.
 _DISK_FULL = {errno.ENOSPC, errno.EDQUOT}
@@ -157,9 +158,8 @@ def render(loaded: Loaded) -> Rendered:
     color = image.to_linear()
     # Before all else: the focus, the circle of confusion and the pictures are of the refined depth.
     if options.pop("refine", False):
-        invalid, threads = options.get("invalid", "raise"), options.get("threads")
-        unscaled = {name: value for name, value in kind.items() if name != "depth_range"}
-        depth = dofsim.refine_depth(color, depth, **unscaled, invalid=invalid, alpha=alpha, threads=threads)
+        given = {name: options[name] for name in _REFINING_WORDS if name in options}
+        depth = dofsim.refine_depth(color, depth, alpha=alpha, **given)
         framed = framed and replace(framed, rgbd=replace(framed.rgbd, depth=depth))
     # The margin that was found may be wider than the one that was asked for.
     margin = options.get("overscan", 0) if framed is None else framed.overscan

@@ -114,7 +114,7 @@ class FocusPicker(anywidget.AnyWidget):  # type: ignore[misc, unused-ignore]
         depth = np.asarray(depth)
         if refine:
             # Once, at the picture's own size: every size that is shown has the same edges.
-            words = {"alpha": alpha, "transfer": transfer, **self._words}
+            words = {"alpha": alpha, "transfer": transfer, "invalid_color": invalid_color, **self._words}
             depth = dofsim.refine_depth(np.asarray(color), depth, **words)
         self._color, self._alpha = _linear(np.asarray(color), depth, alpha, transfer)
         self._depth = depth
