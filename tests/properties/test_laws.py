@@ -173,10 +173,17 @@ MIRRORED = {"lens": "one surface", "levels": "all", "taps": "all"}
 TURNED = {"lens": "one surface", "levels": "all"}
 
 
+def whole_blocks(call: Call) -> Call:
+    """Repeat the picture to whole blocks: what outshines its surroundings is told by blocks of 16 pixels."""
+    more = [(0, -side % 16) for side in call.depth.shape]
+    color = np.pad(call.color, [*more, *[(0, 0)] * (call.color.ndim - 2)], mode="wrap")
+    return replace(call, color=color, depth=np.pad(call.depth, more, mode="wrap"))
+
+
 def assert_the_same_when(moved, call: Call, where):
     kind = where.get(call.options["method"])
     assume(kind is not None)
-    call = flat(call) if kind == "one surface" else call
+    call = whole_blocks(flat(call)) if kind == "one surface" else call
     call.options |= {"levels": {"c0_px": 4.0}, "taps": {"variant": "thirteen"}}.get(
         call.options["method"], {}
     )
