@@ -12,7 +12,7 @@ use crate::scene::grid::{BLOCK, TILE};
 use std::cmp::Ordering;
 
 /// Side of the groups of pixels for which it is found together whether nothing hides a cluster.
-const GROUP: usize = 16;
+const GROUP: usize = 8;
 
 /// The input for drawing highlights.
 pub struct HighlightPass<'a> {
@@ -191,8 +191,9 @@ impl HighlightPass<'_> {
                     continue;
                 }
             }
+            let codes = path.codes(k, k);
             for beside in -1..=1 {
-                visible -= self.hidden_by(path.beside(cell, beside), k, &path);
+                visible -= self.hidden_by(path.beside(cell, beside), k, codes, &path);
             }
             k += 1;
         }
@@ -237,13 +238,14 @@ impl HighlightPass<'_> {
         true
     }
 
-    /// The fraction of the beam that the cells of a pixel hide, which it passes at step `k`.
-    fn hidden_by(&self, cell: [i32; 2], k: i32, path: &Path) -> f32 {
+    /// The fraction of the beam that the cells of a pixel hide, which it passes at step `k` and so between these codes.
+    #[inline]
+    fn hidden_by(&self, cell: [i32; 2], k: i32, [from, to]: [u16; 2], path: &Path) -> f32 {
         let index = cell[1] as usize * self.padded.padding.stride + cell[0] as usize;
         let mut hidden = 0.0;
         for (i, layer) in self.padded.layers.iter().enumerate() {
             let (lo, hi) = (layer.lo[index], layer.hi[index]);
-            if hi < path.codes(k, k)[0] || lo > path.codes(k, k)[1] || path.is_behind(cell, i, [lo, hi]) {
+            if hi < from || lo > to || path.is_behind(cell, i, [lo, hi]) {
                 continue;
             }
             let (share, at) = path.passes(cell, k, [lo, hi]);
