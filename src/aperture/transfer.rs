@@ -143,7 +143,11 @@ impl Aperture {
         let is_fitted = ((BY_AREA_PX - t.abs()) / (BY_AREA_PX - FITTED_PX)).min(1.0);
         let exchanged = (NO_LONGER_EXCHANGED_PX - t.abs()) / (NO_LONGER_EXCHANGED_PX - EXCHANGED_PX);
         let exchanged = exchanged.clamp(0.0, 1.0);
-        let [beside, over] = self.loss_per_px2().map(|loss| f64::from(exchange(loss, t as f32)));
+        let [beside, over] = if exchanged > 0.0 {
+            self.loss_per_px2().map(|loss| f64::from(exchange(loss, t as f32)))
+        } else {
+            [0.0; 2]
+        };
         let of_exchange = |pixel: [i32; 2]| match pixel {
             [0, 0] => 1.0 - 2.0 * (beside + over),
             [-1 | 1, 0] => beside,

@@ -27,8 +27,8 @@ pub fn deviation(depth: &Plane) -> f32 {
 
 /// Depth averaged over what differs from it by no more than noise does.
 ///
-/// `sigma` is the noise's standard deviation, and `range` the extent of all depths. Noise that is not there changes nothing: depth without any comes back to the
-/// bit, and rounding to 16 bits is none.
+/// `sigma` is the noise's standard deviation, and `range` the extent of all depths. Noise that is not there changes
+/// nothing: depth without any comes back to the bit, and rounding to 16 bits is none.
 pub fn without_noise(depth: &Plane, sigma: f32, range: f32) -> Option<Plane> {
     let strength = fade(sigma / range, 2e-4, 1e-3);
     if strength <= 0.0 {

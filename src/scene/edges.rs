@@ -16,24 +16,27 @@ pub const DOWN: u8 = 2;
 /// A surface ends somewhere in the pixel's 3x3 neighbourhood: its colour may mix two surfaces.
 pub const EDGE: u8 = 4;
 
-/// Whether neighbours with shifts `a` and `b` are on one surface. `before` and `after` are the next pixels on the
-/// line through them.
+/// How far neighbours with shifts `a` and `b` are apart, in units of what neighbours on one surface may be. `before` and
+/// `after` are the next pixels on the line through them.
+fn distance(before: f32, a: f32, b: f32, after: f32) -> f32 {
+    let step = (b - a).abs() / CONNECTED_PX;
+    let forward = (b - (2.0 * a - before)).abs() / CONTINUES_PX;
+    let backward = (a - (2.0 * b - after)).abs() / CONTINUES_PX;
+    step.min(forward).min(backward)
+}
+
+/// Whether neighbours are on one surface.
 fn connected(before: f32, a: f32, b: f32, after: f32) -> bool {
-    (b - a).abs() < CONNECTED_PX
-        || (b - (2.0 * a - before)).abs() < CONTINUES_PX
-        || (a - (2.0 * b - after)).abs() < CONTINUES_PX
+    distance(before, a, b, after) < 1.0
 }
 
 /// Neighbours are on different surfaces in part from the limit up to which they are [`connected`] on, and entirely from
 /// this multiple of it on. Over a quarter of a pixel of shift, noise of a few hundredths makes no step.
 const ENTIRELY_APART: f32 = 1.25;
 
-/// How much neighbours with shifts `a` and `b` are on different surfaces.
+/// How much neighbours are on different surfaces.
 fn apart(before: f32, a: f32, b: f32, after: f32) -> f32 {
-    let step = (b - a).abs() / CONNECTED_PX;
-    let forward = (b - (2.0 * a - before)).abs() / CONTINUES_PX;
-    let backward = (a - (2.0 * b - after)).abs() / CONTINUES_PX;
-    ((step.min(forward).min(backward) - 1.0) / (ENTIRELY_APART - 1.0)).clamp(0.0, 1.0)
+    ((distance(before, a, b, after) - 1.0) / (ENTIRELY_APART - 1.0)).clamp(0.0, 1.0)
 }
 
 /// How much a surface ends in the 3x3 neighbourhood of pixel `(x, y)`: more than 0 where [`EDGE`] is set, and 1 where the

@@ -251,12 +251,13 @@ fn from_layers(
         .map(|layer| {
             cancel.check()?;
             let coverage = &layer.color[alpha * n..];
-            let given = scaled(&layer.disparity, k);
-            let cells = given.iter().zip(coverage).map(|(&s, &a)| if a > 0.0 { s } else { f32::NAN });
-            let s = without_noise(cells.collect(), size, simd);
+            let mut known = scaled(&layer.disparity, k);
+            let mut s = known.clone();
+            s.iter_mut().zip(coverage).filter(|(_, a)| **a <= 0.0).for_each(|(s, _)| *s = f32::NAN);
+            let s = without_noise(s, size, simd);
             // Where there is no cell, the depth that is given for it tells whether a surface ends.
-            let known = s.iter().zip(&*given).map(|(&s, &given)| if s.is_nan() { given } else { s });
-            let connectivity = edges::connectivity(&known.collect::<Buffer<f32>>(), size.width, size.height);
+            known.iter_mut().zip(&*s).filter(|(_, s)| !s.is_nan()).for_each(|(known, s)| *known = *s);
+            let connectivity = edges::connectivity(&known, size.width, size.height);
             let mut color = Buffer::clone(&layer.color);
             color.par_chunks_mut(n).for_each(|plane| {
                 for (c, &a) in plane.iter_mut().zip(coverage) {

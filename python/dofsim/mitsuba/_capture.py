@@ -169,13 +169,7 @@ def rgbd(
     check_variant()
     loaded = load_scene(scene)
     seen = View.of(loaded, sensor)
-    if found := specular_shapes(loaded):
-        warnings.warn(
-            f"the scene has glass or mirrors, {listed(found)}: what they show is blurred as if it were at "
-            f"their "
-            "surfaces",
-            stacklevel=2,
-        )
+    warn_of_specular_shapes(loaded)
     return capture_of(
         loaded, seen, sensor, spp=spp, layers=layers, supersample=supersample, overscan=overscan, seed=seed
     )
@@ -221,6 +215,16 @@ def specular_shapes(scene: Any) -> list[str]:
         ):
             found.append(f"{shape.id()} ({bsdf.class_name()})")
     return sorted(found)
+
+
+def warn_of_specular_shapes(scene: Any) -> None:
+    """Warn the caller's caller of glass and mirrors, if a scene has any."""
+    if found := specular_shapes(scene):
+        warnings.warn(
+            f"the scene has glass or mirrors, {listed(found)}: what they show is blurred as if it were at "
+            "their surfaces",
+            stacklevel=3,
+        )
 
 
 def averaged(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import time
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from html import escape
@@ -18,9 +17,8 @@ import dofsim
 
 from .. import _compare, _shown, io, metrics
 from .._files import StrPath
-from .._names import listed
 from .._progress import bar
-from ._capture import Capture, capture_of, specular_shapes, squared
+from ._capture import Capture, capture_of, squared, warn_of_specular_shapes
 from ._variant import check_variant
 from ._view import View, load_scene, render
 
@@ -169,13 +167,7 @@ def compare(
     if view.aperture_radius == 0.0:
         raise ValueError(f"sensor {sensor} must be a thinlens to be compared with")
 
-    if found := specular_shapes(loaded):
-        warnings.warn(
-            f"the scene has glass or mirrors, {listed(found)}: what they show is blurred as if it were at "
-            f"their "
-            "surfaces",
-            stacklevel=2,
-        )
+    warn_of_specular_shapes(loaded)
     given = None if reference is None else _read_reference(reference, view.size)
     finer = view.finer(supersample)
     samples = {

@@ -207,8 +207,8 @@ impl HighlightPass<'_> {
     fn is_clear(&self, cluster: &Cluster, middle: &Highlight, least: [f64; 2], greatest: [f64; 2]) -> bool {
         let padded = self.padded;
         let own = padded.padding.index(middle.x as usize, middle.y as usize);
-        let other_layers = padded.layers.iter().enumerate().filter(|(i, _)| *i != middle.layer);
-        if other_layers.clone().any(|(_, layer)| layer.hi[own] >= cluster.code) {
+        let mut other_layers = padded.layers.iter().enumerate().filter(|(i, _)| *i != middle.layer);
+        if other_layers.any(|(_, layer)| layer.hi[own] >= cluster.code) {
             return false;
         }
         let pad = padded.padding.pad as f64;
