@@ -73,6 +73,17 @@ pub fn range(values: &[f32]) -> [f32; 2] {
     values.par_chunks(1 << 14).map(of).reduce(|| of(&[]), both)
 }
 
+/// How a pixel at an edge is divided, as it is known beside its colour.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct KnownCoverage {
+    /// The pixel.
+    pub index: usize,
+    /// The share of it that the nearer of two surfaces covers.
+    pub coverage: f32,
+    /// How far that is known, 0 to 1.
+    pub trust: f32,
+}
+
 /// Colour and disparity in layers of one size, front to back.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture {
@@ -80,6 +91,9 @@ pub struct Picture {
     pub size: Size,
     /// One layer, or several whose last channel is coverage.
     pub layers: Vec<Layer>,
+    /// Coverage of pixels at edges of a picture of one layer, where it is known beside their colours; in the order of
+    /// rows.
+    pub edges: Arc<Vec<KnownCoverage>>,
 }
 
 impl Picture {
@@ -90,7 +104,11 @@ impl Picture {
             let kept: Vec<_> = channels.iter().map(|&c| &layer.color[c * n..][..n]).collect();
             Layer { color: Arc::new(Buffer::concat(&kept)), ..layer.clone() }
         });
-        Picture { size: Size { channels: channels.len(), ..self.size }, layers: layers.collect() }
+        Picture {
+            size: Size { channels: channels.len(), ..self.size },
+            layers: layers.collect(),
+            edges: Arc::clone(&self.edges),
+        }
     }
 
     /// The same picture with the disparity `map(x, y, d)` in place of every disparity `d`.
@@ -105,7 +123,7 @@ impl Picture {
             });
             Layer::new(Arc::clone(&layer.color), disparity)
         });
-        Picture { size: self.size, layers: layers.collect() }
+        Picture { size: self.size, layers: layers.collect(), edges: Arc::clone(&self.edges) }
     }
 }
 

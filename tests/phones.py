@@ -13,8 +13,8 @@ def bytes_of(picture, kind="PNG"):
     return buffer.getvalue()
 
 
-def segment(body):
-    return b"\xff\xe1" + struct.pack(">H", len(body) + 2) + body
+def segment(body, marker=0xE1):
+    return bytes((0xFF, marker)) + struct.pack(">H", len(body) + 2) + body
 
 
 def xmp(attributes, inner=""):
@@ -63,3 +63,31 @@ def with_dynamic_depth(path, codes, length=None):
     content = path.read_bytes()
     head = segment(b"http://ns.adobe.com/xap/1.0/\0" + xmp(names, items))
     path.write_bytes(content[:2] + head + content[2:] + data + other)
+
+
+def gain_jpeg(codes, *parts):
+    """Make a JPEG of these codes that says with segments of APP1 and APP2 what they mean."""
+    content = bytes_of(codes, "JPEG")
+    return content[:2] + b"".join(parts) + content[2:]
+
+
+def with_further(path, data):
+    """Put a picture behind a JPEG, as Multi-Picture Format does."""
+    content = path.read_bytes()
+    entries = struct.pack(">III", 0x030000, 0, 0) + bytes(4)
+    length = 4 + 4 + 8 + 2 + 3 * 12 + 4 + 2 * 16
+    # Places count from the header of TIFF, which stands behind the marker, the length and the name.
+    entries += struct.pack(">III", 0, len(data), len(content) + length - 10) + bytes(4)
+    directory = struct.pack(">H", 3) + struct.pack(">HHI4s", 0xB000, 7, 4, b"0100")
+    directory += struct.pack(">HHII", 0xB001, 4, 1, 2) + struct.pack(
+        ">HHII", 0xB002, 7, 32, 8 + 2 + 3 * 12 + 4
+    )
+    part = segment(b"MPF\0" + b"MM\0*" + struct.pack(">I", 8) + directory + bytes(4) + entries, 0xE2)
+    assert len(part) == length
+    path.write_bytes(content[:2] + part + content[2:] + data)
+
+
+def iso_gain(*fractions, flags=0):
+    """Say in the words of ISO 21496-1 what a gain map means: two headrooms, and five numbers a channel."""
+    body = struct.pack(">HHB", 0, 0, flags) + b"".join(struct.pack(">iI", *pair) for pair in fractions)
+    return segment(b"urn:iso:std:iso:ts:21496:-1\0" + body, 0xE2)

@@ -282,6 +282,7 @@ def test_exr_that_stores_one_block_twice_and_another_never(tmp_path):
         (b"", "an empty file"),
         (b"GIF89a", "GIF"),
         (b"hello, world", r'begins with "hello, w"'),
+        (b"\0\0\0\x18ftypheic", r"HEIC .*dofsim\.photo reads"),
     ],
 )
 def test_foreign_files_are_called_by_their_names(tmp_path, start, found):

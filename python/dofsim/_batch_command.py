@@ -256,6 +256,8 @@ def batch_command(
     _check_paths(frames, output, [Path(path) for path in lists], [one for one in (color, depth) if one])
     _console.wake(render_options.device, verbose=verbose)
     _check_options(frames[0])
+    if kind["depth_kind"] == "relative" and depth_options.depth_range is None and not dry_run:
+        frames = _with_one_scale(frames)
     if dry_run:
         for frame in frames:
             inputs = " + ".join(printable(str(path)) for path in (frame.color, frame.depth) if path)
@@ -323,12 +325,28 @@ def _check_options(frame: Frame) -> None:
 
     if frame.dtype is not None and not io.holds(frame.output, frame.dtype):
         raise ValueError(f"--dtype {frame.dtype}: {frame.output.suffix} files have no such samples")
-    # What is left of it has 16 pixels a side, and its depth is one in all units.
+    # What is left of it has 16 pixels a side, and its depth is one in all units, or on its scale.
     side = frame.options["supersample"] * (2 * frame.options["overscan"] + 16)
     image = io.Image(np.ones((side, side, 3), np.float32), "linear", "none")
-    depth = np.full((side, side), 0.5, np.float32)
+    middle = np.mean(frame.options.get("depth_range") or 0.5)
+    depth = np.full((side, side), middle, np.float32)
     some_focus = replace(frame, focus_at="random" if frame.focus_at is not None else None)
     work.render(work.Loaded(frame=some_focus, fingerprint="", image=image, depth=depth))
+
+
+def _with_one_scale(frames: list[Frame]) -> list[Frame]:
+    """Give frames of relative depth the scale of all, so that what has not moved keeps its blur."""
+    from .batch import depth_range
+
+    if len(frames) < 2 or (found := depth_range(frames)) is None:
+        return frames
+    log.info(
+        "relative depth from %.4g (far) to %.4g (near) in all %d frames; of unrelated pictures, "
+        "--depth-range each takes each one's own",
+        *found,
+        len(frames),
+    )
+    return [replace(frame, options={**frame.options, "depth_range": found}) for frame in frames]
 
 
 def _run(frames: list[Frame], output: Path, *, workers: int, dask: str | None, resume: bool) -> int:

@@ -180,11 +180,14 @@ DepthChannel = Annotated[
         metavar="NAME", help="Channel of an OpenEXR file, or array of an NPZ file.", rich_help_panel=_DEPTH
     ),
 ]
+EACH = "each"
+"""What ``--depth-range`` says for a scale of each picture's own."""
 DepthRange = Annotated[
     str | None,
     typer.Option(
-        metavar="FAR,NEAR",
-        help="Of relative depth, the values that are far and near; by default those of each picture.",
+        metavar="FAR,NEAR|each",
+        help="Of relative depth, the values that are far and near, or those of each picture by itself. "
+        "`batch` takes those of all its frames by default.",
         rich_help_panel=_DEPTH,
     ),
 ]
@@ -391,8 +394,8 @@ class DepthOptions:
             self.preset, self.depth_kind, self.depth_scale, self.depth_missing
         )
         kind_words: dict[str, Any] = {"depth_kind": kind, "near": self.near, "far": self.far}
-        if self.depth_range is not None:
-            what = "two disparities, FAR,NEAR"
+        if self.depth_range not in (None, EACH):
+            what = f"two disparities, FAR,NEAR, or {EACH}"
             kind_words["depth_range"] = _options.read_numbers("--depth-range", self.depth_range, float, what)
         return kind_words, {"depth_channel": self.depth_channel, **reading}
 
@@ -547,5 +550,7 @@ _SAID = {
     "(layer)": "(--layer)",
     "(transfer)": "(--transfer)",
     "refine is for a picture": "--refine-depth is for a picture",
+    "dofsim.photo reads": "`dofsim photo` reads",
+    "dofsim.photo turns": "`dofsim photo` turns",
     "dofsim.devices()": "`dofsim devices`",
 }

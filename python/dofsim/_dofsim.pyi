@@ -685,6 +685,7 @@ def layers_from_matte(
 def restore_highlights(
     color: NDArray[np.floating[Any]] | NDArray[np.integer[Any]],
     *,
+    gains: NDArray[np.floating[Any]] | None = None,
     max_gain: float = 16.0,
     alpha: _Alpha | None = None,
     transfer: _Transfer | None = None,

@@ -130,11 +130,13 @@ def photo_command(
     from . import io
     from . import photo as photos
     from .cli import _check_output
+    from .photo._write import check_writing
 
     _console.set_level(quiet=quiet, verbose=verbose)
     for path, suffixes in ((output, photos.SUFFIXES), (save_depth, (".png",))):
         if path is not None:
             _check_output(path, [photo, depth, matte], suffixes)
+    check_writing(output, quality)
     if save_depth is not None and save_depth.absolute() == output.absolute():
         raise ValueError(f"{output}: cannot hold the picture and its depth")
     start = time.perf_counter()

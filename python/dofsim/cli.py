@@ -51,6 +51,8 @@ Picture = Annotated[
 
 # What Typer makes of Ctrl-C; none of the commands returns it.
 _INTERRUPTED = 130
+# What `dofsim photo` alone writes.
+_PHOTO_SUFFIXES = (".jpg", ".jpeg", ".heic")
 # What these refusals of the system are about is always a path that was given.
 _PATH_ERRORS = (FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError)
 
@@ -409,7 +411,11 @@ def _check_output(output: Path, inputs: list[Path | None], suffixes: tuple[str, 
 
     accepted = suffixes or io.SUFFIXES
     if output.suffix.lower() not in accepted:
-        raise ValueError(f"{output}: the suffix {output.suffix!r} is not one of {', '.join(accepted)}")
+        photograph = suffixes is None and output.suffix.lower() in _PHOTO_SUFFIXES
+        elsewhere = "; `dofsim photo` writes JPEG and HEIC" if photograph else ""
+        raise ValueError(
+            f"{output}: the suffix {output.suffix!r} is not one of {', '.join(accepted)}{elsewhere}"
+        )
     if not output.parent.is_dir():
         raise FileNotFoundError(errno.ENOENT, "there is no such folder", str(output.parent))
     for path in inputs:

@@ -247,7 +247,10 @@ def read_color(
         alpha = "straight" if integer else "premultiplied"
     if icc is None or transfer is not None or not integer:
         return Image(pixels, (transfer or "srgb") if integer else "linear", alpha)
-    return image_of_profile(path, pixels, alpha, icc)
+    try:
+        return image_of_profile(path, pixels, alpha, icc)
+    except ValueError as error:
+        raise ValueError(f"{error}; or say what it holds (transfer)") from error
 
 
 def image_of_profile(path: StrPath, pixels: NDArray[Any], alpha: Alpha, icc: bytes) -> Image:
@@ -256,7 +259,7 @@ def image_of_profile(path: StrPath, pixels: NDArray[Any], alpha: Alpha, icc: byt
     try:
         profile = ColorProfile.parse(icc, lights)
     except ValueError as error:
-        raise ValueError(f"{path}: {error}; or say what it holds (transfer)") from error
+        raise ValueError(f"{path}: {error}") from error
     return Image(pixels, "srgb" if profile.is_srgb_coded else "profile", alpha, profile=profile)
 
 

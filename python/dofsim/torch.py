@@ -17,6 +17,7 @@ from torchvision.transforms import v2
 
 import dofsim
 from dofsim._dofsim import focusable_pixels
+from dofsim._relative import range_of
 
 __all__ = ["Depth", "DepthOfField", "RandomDepthOfField"]
 
@@ -46,7 +47,8 @@ class RandomDepthOfField(v2.Transform):
     size: a `torchvision.tv_tensors.Image`, or else the first plain tensor, of shape (..., C, H, W). The depth
     has shape (..., H, W) or (..., 1, H, W). All else is passed on. Each picture of a batch has a lens of its
     own. Pictures of uint8 are taken for sRGB, floats for linear light. Random numbers are PyTorch's.
-    Gradients do not pass; a picture or a depth that requires them is warned of.
+    Relative depth has one scale for all pictures of a sample, such as the frames of a clip; ``depth_range``
+    gives one to all samples. Gradients do not pass; a picture or a depth that requires them is warned of.
 
     Parameters
     ----------
@@ -62,9 +64,9 @@ class RandomDepthOfField(v2.Transform):
         ``aperture_radius`` and ``focus_distance`` in metres, or of the strength and the focus of a lens over
         relative disparity; or ``in_focus``. They are numbers; of a batch, tensors.
     **options
-        ``depth_kind``, ``near``, ``far``, ``invalid``, ``invalid_color``, ``in_focus`` and all that
-        `dofsim.render` knows of methods and openings. In a worker of a data loader ``threads`` is 1 unless
-        given.
+        ``depth_kind``, ``near``, ``far``, ``depth_range``, ``invalid``, ``invalid_color``, ``in_focus`` and
+        all that `dofsim.render` knows of methods and openings. In a worker of a data loader ``threads`` is 1
+        unless given.
 
     Raises
     ------
@@ -150,7 +152,8 @@ class RandomDepthOfField(v2.Transform):
         Returns
         -------
         dict
-            The lenses as ``lenses``, one for each picture, and the depth maps as ``planes``, shape (N, H, W).
+            The lenses as ``lenses``, one for each picture, the depth maps as ``planes``, shape (N, H, W), and
+            what they measure as ``depth_words``.
         """
         found = [one for one in flat_inputs if not isinstance(one, _PlaceOfLens)]
         depths = [one for one in found if isinstance(one, Depth)]
@@ -171,7 +174,9 @@ class RandomDepthOfField(v2.Transform):
                 f"{tuple(image.shape)} and {tuple(depth.shape)}"
             )
         planes = _array(depth).reshape(-1, *depth.shape[-2:])
-        return {"lenses": [self._draw(plane) for plane in planes], "planes": planes, "batch": batch}
+        words = self._depth_words(planes)
+        lenses = [self._draw(plane, words) for plane in planes]
+        return {"lenses": lenses, "planes": planes, "batch": batch, "depth_words": words}
 
     def draw(self, depth: torch.Tensor) -> dofsim.Lens:
         """Return a lens that is drawn at random for a depth map.
@@ -188,10 +193,18 @@ class RandomDepthOfField(v2.Transform):
         """
         if depth.ndim < 2 or any(side != 1 for side in depth.shape[:-2]):
             raise ValueError(f"depth must have shape (H, W) or (1, H, W); got {tuple(depth.shape)}")
-        return self._draw(_array(depth).reshape(depth.shape[-2:]))
+        plane = _array(depth).reshape(depth.shape[-2:])
+        return self._draw(plane, self._depth_words(plane))
 
-    def _draw(self, plane: NDArray[Any]) -> dofsim.Lens:
-        words = {name: value for name, value in self.depth_options.items() if name != "invalid"}
+    def _depth_words(self, planes: NDArray[Any]) -> dict[str, Any]:
+        """Give the words of depth; of relative depth, with one scale for all pictures of a sample."""
+        words = self.depth_options
+        if words.get("depth_kind") != "relative" or words.get("depth_range") is not None:
+            return words
+        return {**words, "depth_range": range_of(planes)}
+
+    def _draw(self, plane: NDArray[Any], depth_words: dict[str, Any]) -> dofsim.Lens:
+        words = {name: value for name, value in depth_words.items() if name != "invalid"}
         usable = focusable_pixels(self.lens, plane, **words)
         if usable.size == 0:
             raise ValueError("the depth has no pixel to focus on: none is finite")
@@ -200,7 +213,7 @@ class RandomDepthOfField(v2.Transform):
         if lens.in_focus is None:
             lens = lens.focused_at(plane, x, y, **words)
         # The radius is proportional to the opening, so that one look at any opening tells how far to open it.
-        largest = float(np.abs(self._coc(plane, lens)).max())
+        largest = float(np.abs(dofsim.coc(plane, lens, **depth_words)).max())
         low, high = self.max_coc_px
         wanted = low + (high - low) * float(torch.rand(()))
         factor = wanted / largest if largest > 0 else 0.0
@@ -233,11 +246,12 @@ class RandomDepthOfField(v2.Transform):
             if self.depth_to == "depth":
                 # What a worker sends is moved in memory, also while the next sample is rendered from it.
                 return inpt.clone() if get_worker_info() is not None else inpt
-            radii = [self._coc(plane, lens) for plane, lens in zip(planes, lenses, strict=True)]
+            words = params["depth_words"]
+            radii = [dofsim.coc(plane, lens, **words) for plane, lens in zip(planes, lenses, strict=True)]
             coc = torch.from_numpy(np.stack(radii).reshape(inpt.shape))
             return tv_tensors.wrap(coc.to(inpt.device, inpt.dtype), like=inpt)
         colors = _array(inpt).reshape(-1, *inpt.shape[-3:])
-        options = {**self.depth_options, **self.options}
+        options = {**params["depth_words"], **self.options}
         if get_worker_info() is not None:
             options.setdefault("threads", 1)
         if np.issubdtype(colors.dtype, np.integer):
@@ -250,9 +264,6 @@ class RandomDepthOfField(v2.Transform):
         pixels = rendered[0] if len(rendered) == 1 else np.stack(rendered)
         result = torch.from_numpy(pixels.reshape(inpt.shape)).to(inpt.device)
         return tv_tensors.wrap(result, like=inpt) if isinstance(inpt, tv_tensors.TVTensor) else result
-
-    def _coc(self, plane: NDArray[Any], lens: dofsim.Lens) -> NDArray[np.float32]:
-        return dofsim.coc(plane, lens, **self.depth_options)
 
 
 class DepthOfField(Dataset[Any]):

@@ -77,8 +77,8 @@ const FOREIGN: [(&[u8], &str); 4] = [
 /// Detects the format of a file from its first bytes.
 pub fn kind(path: &Path) -> Result<Kind> {
     with_path(path, || {
-        let mut start = Vec::with_capacity(8);
-        open(path)?.reader.take(8).read_to_end(&mut start)?;
+        let mut start = Vec::with_capacity(12);
+        open(path)?.reader.take(12).read_to_end(&mut start)?;
         match KINDS.iter().find(|(magic, _)| start.starts_with(magic)) {
             Some(&(_, kind)) => Ok(kind),
             None => Err(Problem::Unsupported {
@@ -93,8 +93,13 @@ fn describe(start: &[u8]) -> String {
     if start.is_empty() {
         return "an empty file".into();
     }
+    if start.get(4..8) == Some(b"ftyp") {
+        return "a HEIC or AVIF picture or a film (dofsim.photo reads HEIC and AVIF)".into();
+    }
     match FOREIGN.iter().find(|(magic, _)| start.starts_with(magic)) {
         Some(&(_, name)) => name.into(),
-        None => format!("an unknown format that begins with \"{}\"", start.escape_ascii()),
+        None => {
+            format!("an unknown format that begins with \"{}\"", start[..start.len().min(8)].escape_ascii())
+        }
     }
 }

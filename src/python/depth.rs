@@ -123,20 +123,25 @@ pub struct DepthPlanes {
 
 /// Reads raw depth, without interpreting it.
 pub fn read_depth(depth: &Bound<'_, PyAny>) -> PyResult<DepthPlanes> {
-    let array = &array("depth", depth)?;
-    let sample_type = sample_type("depth", array, false)?;
+    read_planes("depth", depth)
+}
+
+/// Reads an argument that has one value a pixel, or a plane of them for each layer.
+pub fn read_planes(name: &str, given: &Bound<'_, PyAny>) -> PyResult<DepthPlanes> {
+    let array = &array(name, given)?;
+    let sample_type = sample_type(name, array, false)?;
     let shape = array.shape();
     let (layers, height, width) = match *shape {
         [height, width] => (1, height, width),
         [layers, height, width] => (layers, height, width),
         _ => {
             return Err(PyValueError::new_err(format!(
-                "depth must have shape (H, W), or (L, H, W) for layers; got {shape:?}"
+                "{name} must have shape (H, W), or (L, H, W) for layers; got {shape:?}"
             )));
         }
     };
     if layers * height * width == 0 {
-        return Err(PyValueError::new_err(format!("depth must not be empty; got shape {shape:?}")));
+        return Err(PyValueError::new_err(format!("{name} must not be empty; got shape {shape:?}")));
     }
     let planes = with_sample_type!(sample_type, T => view::<T, _>(array, |view| {
         let layer = |i: usize| if view.ndim() == 3 { view.index_axis(Axis(0), i) } else { view.view() };

@@ -27,6 +27,8 @@ pub struct Input {
     color: Vec<Arc<Buffer<f32>>>,
     /// Raw depth of each layer.
     depth: Vec<Buffer<f32>>,
+    /// What refining has found of edges.
+    edges: Arc<Vec<KnownCoverage>>,
 }
 
 impl Input {
@@ -61,12 +63,15 @@ impl Input {
         if let Some(filled) = filled {
             filled.warn(array.py(), shape.size)?;
         }
+        let mut edges = Arc::default();
         if let Some(refining) = refining {
             let lights = format.lights(shape.size) * shape.size.pixels();
             if shape.layers > 1 {
                 return Err(one_layer(shape.layers));
             }
-            planes.planes = vec![refining.refined(array.py(), &planes, &color[0][..lights], shape.size)?.0];
+            let (refined, found) = refining.refined(array.py(), &planes, &color[0][..lights], shape.size)?;
+            planes.planes = vec![refined];
+            edges = Arc::new(found.known());
         }
         let brighter = brighter_than_usual(largest);
         if brighter > 1.0 {
@@ -76,7 +81,7 @@ impl Input {
         }
         let color = color.into_iter().map(Arc::new).collect();
         let filled_pixels = filled.map_or(0, |filled| filled.count);
-        Ok(Input { size: shape.size, format, brighter, filled_pixels, color, depth: planes.planes })
+        Ok(Input { size: shape.size, format, brighter, filled_pixels, color, depth: planes.planes, edges })
     }
 
     /// The depth of a picture that has been refined, which has one layer.
@@ -115,6 +120,6 @@ impl Input {
                 Ok(Layer::new(Arc::clone(color), disparity))
             })
             .collect::<PyResult<_>>()?;
-        Ok(Picture { size, layers })
+        Ok(Picture { size, layers, edges: Arc::clone(&self.edges) })
     }
 }

@@ -2,13 +2,15 @@
 
 use super::argument;
 use super::color::{color_shape, read_format, read_layer_color};
-use super::depth::read_depth;
+use super::depth::read_planes;
 use super::invalid_color::InvalidColor;
+use super::refine::check_shape;
 use super::run::detached;
 use super::samples::array;
-use crate::clipped::gains;
+use crate::clipped::{guessed_gains, mapped_gains};
 use crate::matte::{colors, continued};
 use crate::memory::Buffer;
+use crate::picture::Size;
 use crate::refine::{Plane, brightest};
 use numpy::{PyArray1, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
@@ -18,14 +20,18 @@ use pyo3::prelude::*;
 ///
 /// What was brighter than white is white in a photograph, so that its lamps blur to grey discs. How bright they were is
 /// guessed: a small clipped spot in dark surroundings is a lamp and gets much, and a large one, or one in bright
-/// surroundings, gets next to nothing.
+/// surroundings, gets next to nothing. A photograph's gain map knows it better: pass it as `gains`.
 ///
 /// Parameters
 /// ----------
 /// color : ndarray
 ///     The picture, as of `render`; one layer. White is 1.
+/// gains : ndarray, optional
+///     How many times as bright as white each pixel is if it is clipped, shape (h, w), of any size, as the `gains` of
+///     `dofsim.photo.Photo`; in place of the guess.
 /// max_gain : float, optional
-///     The factor by which a single clipped spot in the dark becomes brighter than white, 1 to 1000; 16 are four stops.
+///     The factor by which a single clipped spot in the dark becomes brighter than white, and the most that is taken of
+///     `gains`, 1 to 1000; 16 are four stops.
 /// alpha, transfer, threads
 ///     As in `render`.
 ///
@@ -50,10 +56,11 @@ use pyo3::prelude::*;
 /// >>> bool(light.max() > 2.0), bool(light[0, 0, 0] < 0.001)
 /// (True, True)
 #[pyfunction]
-#[pyo3(signature = (color, *, max_gain=16.0, alpha=None, transfer=None, threads=None))]
+#[pyo3(signature = (color, *, gains=None, max_gain=16.0, alpha=None, transfer=None, threads=None))]
 pub fn restore_highlights<'py>(
     py: Python<'py>,
     color: &Bound<'py, PyAny>,
+    gains: Option<&Bound<'py, PyAny>>,
     #[pyo3(from_py_with = argument::max_gain)] max_gain: f64,
     alpha: Option<&str>,
     transfer: Option<&str>,
@@ -70,10 +77,15 @@ pub fn restore_highlights<'py>(
     let format = read_format(array, &shape, alpha, transfer)?;
     let (mut planes, ..) = read_layer_color(array, &shape, 0, &format, InvalidColor::Raise)?;
     let (size, lights) = (shape.size, format.lights(shape.size));
+    let map = gains.map(|gains| read_gains(gains, size)).transpose()?;
     let values = detached(py, threads, |cancel| {
         let area = size.pixels();
         let light = brightest(&self::planes(&planes[..lights * area], size.width, size.height));
-        let gains = gains(&light, max_gain as f32, cancel)?;
+        let bound = max_gain as f32;
+        let gains = match &map {
+            Some(map) => mapped_gains(&light, map, bound),
+            None => guessed_gains(&light, bound, cancel)?,
+        };
         for plane in planes[..lights * area].chunks_mut(area) {
             plane.iter_mut().zip(gains.values.iter()).for_each(|(v, gain)| *v *= gain);
         }
@@ -82,6 +94,20 @@ pub fn restore_highlights<'py>(
     let out = PyArray1::from_vec(py, values);
     let channels = [size.height, size.width, size.channels];
     Ok(out.reshape(if format.flat { &channels[..2] } else { &channels[..] })?.into_any())
+}
+
+/// Reads the factors of a gain map.
+fn read_gains(gains: &Bound<'_, PyAny>, size: Size) -> PyResult<Plane> {
+    let read = read_planes("gains", gains)?;
+    if read.planes.len() > 1 {
+        return Err(PyValueError::new_err(format!("gains must have one layer; got {}", read.planes.len())));
+    }
+    check_shape("gains", &read, size)?;
+    let values = Buffer::from(&*read.planes[0]);
+    if let Some(v) = values.iter().find(|v| !v.is_finite() || **v < 0.0) {
+        return Err(PyValueError::new_err(format!("gains must be finite and not negative; got {v}")));
+    }
+    Ok(Plane { width: read.width, height: read.height, values })
 }
 
 /// Planes of values that follow one another.
@@ -153,7 +179,7 @@ pub fn layers_from_matte<'py>(
     }
     let (planes, ..) = read_layer_color(array, &shape, 0, &format, InvalidColor::Raise)?;
     let plane = |name: &str, given: &Bound<'py, PyAny>| {
-        let read = read_depth(given)?;
+        let read = read_planes(name, given)?;
         if (read.planes.len(), read.height, read.width) != (1, size.height, size.width) {
             return Err(PyValueError::new_err(format!(
                 "{name} must have the size of color, {} x {}; got {} x {}",

@@ -10,7 +10,7 @@ use super::samples::array;
 use crate::depth::{DepthKind, Invalid, Rays, disparity_plane};
 use crate::memory::Buffer;
 use crate::picture::Size;
-use crate::refine::{Plane, refine};
+use crate::refine::{Edges, Plane, refine};
 use numpy::{PyArray1, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -102,7 +102,7 @@ pub fn refine_depth<'py>(
     };
     let refined = plane(&depth.0)?;
     if return_coverage {
-        return Ok((refined, plane(&depth.1)?).into_pyobject(py)?.into_any());
+        return Ok((refined, plane(&depth.1.faded().values)?).into_pyobject(py)?.into_any());
     }
     Ok(refined)
 }
@@ -120,7 +120,7 @@ pub struct Refining {
 }
 
 impl Refining {
-    /// Raw depth of the picture's size and the coverage of its edges. `lights` are the planes of the picture that hold
+    /// Raw depth of the picture's size and its edges. `lights` are the planes of the picture that hold
     /// light.
     pub fn refined(
         &self,
@@ -128,11 +128,11 @@ impl Refining {
         depth: &DepthPlanes,
         lights: &[f32],
         size: Size,
-    ) -> PyResult<(Buffer<f32>, Buffer<f32>)> {
+    ) -> PyResult<(Buffer<f32>, Edges)> {
         if depth.planes.len() > 1 {
             return Err(one_layer(depth.planes.len()));
         }
-        check_shape(depth, size)?;
+        check_shape("depth", depth, size)?;
         // The scale of relative disparity is the caller's.
         let kind = match self.kind {
             DepthKind::Relative | DepthKind::RelativeBetween { .. } => DepthKind::Disparity,
@@ -155,17 +155,17 @@ impl Refining {
                     .filter(|(_, ((v, a), b))| a == b && v.is_finite() && **v > 0.0);
                 kept.for_each(|(out, ((v, _), _))| *out = *v);
             }
-            Ok((values, refined.coverage.values))
+            Ok((values, refined.edges))
         })
     }
 }
 
-/// Refuses depth of another shape than the picture's, to a pixel of the smaller of the two.
-fn check_shape(depth: &DepthPlanes, size: Size) -> PyResult<()> {
+/// Refuses a map of another shape than the picture's, to a pixel of the smaller of the two.
+pub fn check_shape(name: &str, depth: &DepthPlanes, size: Size) -> PyResult<()> {
     let (across, down) = (depth.width * size.height, depth.height * size.width);
     if across.abs_diff(down) > size.width.max(size.height).max(depth.width).max(depth.height) {
         return Err(PyValueError::new_err(format!(
-            "depth must have the shape of color, {} x {} pixels, at any size; got {} x {}",
+            "{name} must have the shape of color, {} x {} pixels, at any size; got {} x {}",
             size.width, size.height, depth.width, depth.height
         )));
     }

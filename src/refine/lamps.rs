@@ -6,7 +6,7 @@
 //! lamp's light is drawn with the circle of confusion of that depth.
 
 use super::plane::{Plane, Tile, fade};
-use super::steps::{LEAST_CONTRAST, Steps, margin_px, steps};
+use super::steps::{Edges, LEAST_CONTRAST, Steps, margin_px, steps};
 use crate::cancel::Cancel;
 use crate::error::Result;
 
@@ -42,9 +42,11 @@ pub fn steps_and_lamps(
         let (low, high) = tile.planes[0].range();
         (high - low > LEAST_CONTRAST * range).then(|| steps(&tile.planes[0], width_px, range))
     });
-    let mut found = Steps { depth: depth.clone(), coverage: depth.like(|_, out| out.fill(1.0)) };
+    let mut found = Steps { depth: depth.clone(), edges: Edges::none(depth) };
     found.depth.write_tiles(margin, tiles.iter().map(|tile| Some(&tile.as_ref()?.depth)));
-    found.coverage.write_tiles(margin, tiles.iter().map(|tile| Some(&tile.as_ref()?.coverage)));
+    let edges = &mut found.edges;
+    edges.coverage.write_tiles(margin, tiles.iter().map(|tile| Some(&tile.as_ref()?.edges.coverage)));
+    edges.trust.write_tiles(margin, tiles.iter().map(|tile| Some(&tile.as_ref()?.edges.trust)));
     drop(tiles);
     cancel.check()?;
 

@@ -11,6 +11,7 @@ mod softness;
 mod steps;
 
 pub use plane::{Plane, fade};
+pub use steps::Edges;
 
 use crate::cancel::Cancel;
 use crate::error::Result;
@@ -29,8 +30,8 @@ const SMALLEST_PX: usize = 64;
 pub struct Refined {
     /// Depth, of the picture's size.
     pub depth: Plane,
-    /// Coverage of each pixel by the nearer of two surfaces that meet in it; 1 away from edges.
-    pub coverage: Plane,
+    /// How pixels are divided between two surfaces that meet in them.
+    pub edges: Edges,
     /// The width of the given edges in pixels.
     pub width_px: f32,
 }
@@ -95,7 +96,10 @@ fn refined(depth: &Plane, light: &Plane, colors: &[Plane], map: Map, cancel: &Ca
     let shifted = misfit.shifted(depth);
     let (shifted_px, _) = softness::width_px(&shifted, range, noise);
     let found = at(&shifted, light, shifted_px, Map { blocks: 1, ..map }, cancel)?;
-    Ok(Refined { depth: misfit.shrunk(&found.depth), width_px, ..found })
+    let shrunk = misfit.shrunk(&found.depth);
+    // What is known of the edges is known of where they were.
+    let edges = if shrunk.is_some() { Edges::none(depth) } else { found.edges };
+    Ok(Refined { depth: shrunk.unwrap_or(found.depth), edges, width_px })
 }
 
 /// Refines depth whose edges are `width_px` wide.
@@ -105,9 +109,9 @@ fn at(depth: &Plane, light: &Plane, width_px: f32, map: Map, cancel: &Cancel) ->
         return Ok(unchanged(depth.clone(), width_px));
     }
     let found = lamps::steps_and_lamps(depth, light, width_px, map.range, map.blocks, cancel)?;
-    let mixed = |from: &Plane, to: &Plane| from.with(to, |from, to| from + strength * (to - from));
-    let sharp = depth.like(|_, out| out.fill(1.0));
-    Ok(Refined { depth: mixed(depth, &found.depth), coverage: mixed(&sharp, &found.coverage), width_px })
+    let Edges { coverage, trust } = found.edges;
+    let trust = trust.with(&trust, |trust, _| strength * trust);
+    Ok(Refined { depth: mixed(depth, &found.depth, strength), edges: Edges { coverage, trust }, width_px })
 }
 
 /// The brightest channel of each pixel.
@@ -120,7 +124,12 @@ pub fn brightest(colors: &[Plane]) -> Plane {
     })
 }
 
+/// The first plane, and the second as far as it counts.
+fn mixed(from: &Plane, to: &Plane, share: f32) -> Plane {
+    from.with(to, |from, to| from + share * (to - from))
+}
+
 fn unchanged(depth: Plane, width_px: f32) -> Refined {
-    let coverage = depth.like(|_, out| out.fill(1.0));
-    Refined { depth, coverage, width_px }
+    let edges = Edges::none(&depth);
+    Refined { depth, edges, width_px }
 }

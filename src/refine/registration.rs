@@ -163,13 +163,13 @@ impl Misfit {
         })
     }
 
-    /// Sharp depth whose nearer surfaces are as large as the picture shows them.
-    pub fn shrunk(&self, depth: &Plane) -> Plane {
+    /// Sharp depth whose nearer surfaces are as large as the picture shows them, if they are not already.
+    pub fn shrunk(&self, depth: &Plane) -> Option<Plane> {
         let radius = self.growth.abs().round() as usize;
         match radius {
-            0 => depth.clone(),
-            _ if self.growth > 0.0 => depth.minima(radius),
-            _ => depth.maxima(radius),
+            0 => None,
+            _ if self.growth > 0.0 => Some(depth.minima(radius)),
+            _ => Some(depth.maxima(radius)),
         }
     }
 }

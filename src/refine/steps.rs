@@ -6,17 +6,52 @@
 //! is taken from where the ramp has ended.
 
 use super::plane::{Plane, fade};
+use crate::picture::KnownCoverage;
 use rayon::prelude::*;
 
 /// Contrasts below this share of all depths stay as they are, and those above twice as much are steps.
 pub const LEAST_CONTRAST: f32 = 0.02;
 
-/// Depth with steps, and the coverage of each pixel by the nearer of two surfaces; 1 away from edges.
+/// Depth with steps.
 pub struct Steps {
     /// The depth.
     pub depth: Plane,
-    /// The coverage.
+    /// Where the steps are, to a fraction of a pixel.
+    pub edges: Edges,
+}
+
+/// How the pixels of edges are divided between two surfaces.
+pub struct Edges {
+    /// The share of each pixel that the nearer of two surfaces covers.
     pub coverage: Plane,
+    /// How far that is known, 0 to 1; 0 away from edges.
+    pub trust: Plane,
+}
+
+impl Edges {
+    /// No edges, in a plane of this size.
+    pub fn none(size: &Plane) -> Edges {
+        Edges { coverage: size.like(|_, out| out.fill(1.0)), trust: size.like(|_, out| out.fill(0.0)) }
+    }
+
+    /// The coverage of each pixel by the nearer of two surfaces, and 1 away from edges.
+    pub fn faded(&self) -> Plane {
+        self.coverage.with(&self.trust, |coverage, trust| 1.0 + trust * (coverage - 1.0))
+    }
+
+    /// What is known of the pixels of edges, in the order of rows.
+    pub fn known(&self) -> Vec<KnownCoverage> {
+        let row = |y: usize| {
+            let rows = self.coverage.row(y as isize).iter().zip(self.trust.row(y as isize));
+            let all = rows.enumerate().map(move |(x, (coverage, trust))| KnownCoverage {
+                index: y * self.trust.width + x,
+                coverage: *coverage,
+                trust: *trust,
+            });
+            all.filter(|known| known.trust > 0.0)
+        };
+        (0..self.trust.height).into_par_iter().flat_map_iter(row).collect()
+    }
 }
 
 /// How far away a pixel may be that has a say in a step: the window of surfaces, and the one that finds ramps.
@@ -65,10 +100,11 @@ pub fn steps(depth: &Plane, width_px: f32, range: f32) -> Steps {
             * fade(steepness.values[i], 1.3, 1.9)
             * fade(slopes.values[i] * width_px / contrast.max(f32::MIN_POSITIVE), 0.02, 0.06)
     };
-    let mut coverage = depth.like(|_, out| out.fill(1.0));
+    let mut edges = Edges::none(depth);
     let mut out = depth.clone();
-    let rows = out.values.par_chunks_mut(depth.width).zip(coverage.values.par_chunks_mut(depth.width));
-    rows.enumerate().for_each(|(y, (out, coverage))| {
+    let rows = out.values.par_chunks_mut(depth.width).zip(edges.coverage.values.par_chunks_mut(depth.width));
+    let rows = rows.zip(edges.trust.values.par_chunks_mut(depth.width));
+    rows.enumerate().for_each(|(y, ((out, coverage), trust))| {
         for x in 0..out.len() {
             let weight = is_ramp(x, y);
             if weight <= 0.0 {
@@ -81,10 +117,10 @@ pub fn steps(depth: &Plane, width_px: f32, range: f32) -> Steps {
             out[x] = v + weight * (step - v);
             // Pixels to the middle of the ramp, within the nearer surface positive.
             let inside_px = width_px * (share - 0.5);
-            coverage[x] = 1.0 + weight * ((0.5 + inside_px).clamp(0.0, 1.0) - 1.0);
+            (coverage[x], trust[x]) = ((0.5 + inside_px).clamp(0.0, 1.0), weight);
         }
     });
-    Steps { depth: out, coverage }
+    Steps { depth: out, edges }
 }
 
 /// The steepest slope on either side of each pixel.

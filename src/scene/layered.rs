@@ -18,7 +18,7 @@ use super::matting::{FrontLayer, MixedPixel, unmix};
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::memory::Buffer;
-use crate::picture::{Layer, Picture, Size};
+use crate::picture::{KnownCoverage, Layer, Picture, Size};
 use crate::simd::Simd;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -128,7 +128,7 @@ impl LayeredScene {
 /// disparity.
 pub fn build(picture: &Picture, lights: usize, k: f64, simd: Simd, cancel: &Cancel) -> Result<LayeredScene> {
     match picture.layers.as_slice() {
-        [layer] => from_one_layer(picture.size, lights, layer, k, simd, cancel),
+        [layer] => from_one_layer(picture.size, lights, layer, &picture.edges, k, simd, cancel),
         layers => from_layers(picture.size, lights, layers, k, simd, cancel),
     }
 }
@@ -145,6 +145,7 @@ fn from_one_layer(
     size: Size,
     lights: usize,
     layer: &Layer,
+    known: &[KnownCoverage],
     k: f64,
     simd: Simd,
     cancel: &Cancel,
@@ -152,7 +153,7 @@ fn from_one_layer(
     let mut s = without_noise(scaled(&layer.disparity, k), size, simd);
     let connectivity = edges::connectivity(&s, size.width, size.height);
     let colors = Colors::new(size, Arc::clone(&layer.color));
-    let frame = FrontLayer { size, lights, color: &layer.color, s: &s, connectivity: &connectivity };
+    let frame = FrontLayer { size, lights, color: &layer.color, s: &s, connectivity: &connectivity, known };
     let mixed = unmix(&frame, cancel)?;
     if mixed.is_empty() {
         let front = SceneLayer {
@@ -329,7 +330,7 @@ fn hidden_by_all(
     };
     let last = |i: usize| Some(farthest(i, 1.0)).filter(|s| s.is_finite()).unwrap_or(nowhere);
     let last: Vec<f32> = (0..n).into_par_iter().map(last).collect();
-    let frame = FrontLayer { size, lights, color: &color, s: &s, connectivity: &connectivity };
+    let frame = FrontLayer { size, lights, color: &color, s: &s, connectivity: &connectivity, known: &[] };
     let found = inpaint::hidden(&frame, &last, &[], cancel)?;
     let is_new = |h: &Hidden| h.color[alpha] > 0.0 && h.s <= last[h.index] - CONNECTED_PX;
     // Cells that are only partly there keep their place in front.
@@ -379,7 +380,14 @@ mod tests {
     }
 
     fn built(layers: Vec<Layer>) -> LayeredScene {
-        build(&Picture { size: SIZE, layers }, 3, 1.0, Simd::PORTABLE, &Cancel::default()).unwrap()
+        build(
+            &Picture { size: SIZE, layers, edges: Arc::default() },
+            3,
+            1.0,
+            Simd::PORTABLE,
+            &Cancel::default(),
+        )
+        .unwrap()
     }
 
     /// A bar of shift 12 before a wall, or before nothing.

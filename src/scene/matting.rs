@@ -7,7 +7,7 @@
 use super::edges::{self, CONNECTED_PX, EDGE};
 use crate::cancel::Cancel;
 use crate::error::Result;
-use crate::picture::Size;
+use crate::picture::{KnownCoverage, Size};
 use crate::rows::ITEMS_PER_TASK;
 use rayon::prelude::*;
 
@@ -39,6 +39,8 @@ pub struct FrontLayer<'a> {
     pub s: &'a [f32],
     /// See [`connectivity`](super::edges::connectivity).
     pub connectivity: &'a [u8],
+    /// Coverage that is known beside the colours, in the order of rows.
+    pub known: &'a [KnownCoverage],
 }
 
 impl FrontLayer<'_> {
@@ -170,6 +172,8 @@ fn unmix_pixel(frame: &FrontLayer, x: usize, y: usize) -> Option<MixedPixel> {
         in_front += if s > middle { weight } else { 0.0 };
     }
     let prior = in_front / all;
+    let known = frame.known.binary_search_by_key(&index, |known| known.index).map(|i| frame.known[i]);
+    let prior = known.map_or(prior, |known| prior + known.trust * (known.coverage - prior));
 
     let pixel = Pixel { frame, color: frame.color_at(index), front, back, prior };
     let floor = 1e-4 * (frame.norm2(front) + frame.norm2(back)) + f32::MIN_POSITIVE;
@@ -346,7 +350,7 @@ mod tests {
         let s: Vec<f32> = (0..w * h).map(|i| if i % w < 5 { 8.0 } else { 0.0 }).collect();
         let connectivity = super::super::edges::connectivity(&s, w, h);
         let mixed = unmix(
-            &FrontLayer { size, lights: 1, color: &color, s: &s, connectivity: &connectivity },
+            &FrontLayer { size, lights: 1, color: &color, s: &s, connectivity: &connectivity, known: &[] },
             &Cancel::default(),
         )
         .unwrap();
@@ -368,7 +372,8 @@ mod tests {
         let color: Vec<f32> = (0..2 * w * h).map(|i| pixels[i % w][i / (w * h)]).collect();
         let s: Vec<f32> = (0..w * h).map(|i| if i % w < 5 { 8.0 } else { 0.0 }).collect();
         let connectivity = super::super::edges::connectivity(&s, w, h);
-        let frame = FrontLayer { size, lights: 1, color: &color, s: &s, connectivity: &connectivity };
+        let frame =
+            FrontLayer { size, lights: 1, color: &color, s: &s, connectivity: &connectivity, known: &[] };
         unmix(&frame, &Cancel::default()).unwrap()
     }
 

@@ -1,6 +1,7 @@
 """Thousands of frames: read, rendered and written side by side, and resumed where they were left.
 
-`map_frames` does the work; `pair_files` and `read_manifest` find it. How nothing is lost:
+`map_frames` does the work; `pair_files` and `read_manifest` find it, and `depth_range` gives frames of
+relative disparity one scale. How nothing is lost:
 
 * A frame is done when its record, a JSON file beside its output, is there. It is written last, after every
   output of the frame, and taken away first when the frame is to be made anew. Every file appears under its
@@ -17,5 +18,16 @@ from .frames import OUTPUTS, Frame, Result
 from .manifest import Row, read_manifest
 from .pairs import Pairing, pair_files
 from .pipeline import map_frames
+from .relative import depth_range
 
-__all__ = ["OUTPUTS", "Frame", "Pairing", "Result", "Row", "map_frames", "pair_files", "read_manifest"]
+__all__ = [
+    "OUTPUTS",
+    "Frame",
+    "Pairing",
+    "Result",
+    "Row",
+    "depth_range",
+    "map_frames",
+    "pair_files",
+    "read_manifest",
+]

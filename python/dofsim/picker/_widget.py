@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 import dofsim
 from dofsim import io
 from dofsim._blur import in_focus
+from dofsim._relative import range_of
 
 from ._look import OVERLAYS, Look, png, reduction
 
@@ -44,8 +45,8 @@ class FocusPicker(anywidget.AnyWidget):  # type: ignore[misc, unused-ignore]
         The shape of the opening to begin with.
     device : str, optional
         Where to compute, as for `dofsim.render`.
-    depth_kind, near, far, invalid, invalid_color, alpha, transfer : optional
-        As for `dofsim.render`.
+    depth_kind, near, far, depth_range, invalid, invalid_color, alpha, transfer : optional
+        As for `dofsim.render`. Relative depth is on one scale at every size that is shown.
     max_coc_px : float, optional
         As for `dofsim.render`, in pixels of the given picture.
     refine : bool, optional
@@ -100,6 +101,7 @@ class FocusPicker(anywidget.AnyWidget):  # type: ignore[misc, unused-ignore]
         depth_kind: str = "z",
         near: float | None = None,
         far: float | None = None,
+        depth_range: tuple[float, float] | None = None,
         invalid: Literal["raise", "far"] = "raise",
         invalid_color: Literal["raise", "fill"] = "raise",
         alpha: Literal["premultiplied", "straight", "none"] | None = None,
@@ -116,6 +118,10 @@ class FocusPicker(anywidget.AnyWidget):  # type: ignore[misc, unused-ignore]
             # Once, at the picture's own size: every size that is shown has the same edges.
             words = {"alpha": alpha, "transfer": transfer, "invalid_color": invalid_color, **self._words}
             depth = dofsim.refine_depth(np.asarray(color), depth, **words)
+        if depth_kind == "relative" and depth_range is None:
+            # That of the whole picture, and not another one of the reduced picture.
+            depth_range = range_of(depth)
+        self._words["depth_range"] = depth_range
         self._color, self._alpha = _linear(np.asarray(color), depth, alpha, transfer)
         self._depth = depth
         self._device, self._invalid_color = device, invalid_color
@@ -227,7 +233,9 @@ class FocusPicker(anywidget.AnyWidget):  # type: ignore[misc, unused-ignore]
         if request["focus"] is None:
             return lens
         x, y = request["focus"]
-        words: dict[str, Any] = {key: self._words[key] for key in ("depth_kind", "near", "far")}
+        words: dict[str, Any] = {
+            key: self._words[key] for key in ("depth_kind", "near", "far", "depth_range")
+        }
         return lens.focused_at(self._whole.depth, int(x), int(y), **words)
 
     def _aperture_for(self, request: dict[str, Any]) -> dofsim.Aperture:
