@@ -14,6 +14,7 @@ pub mod matte;
 mod memory;
 pub mod method;
 mod mirror;
+mod noise;
 pub mod optics;
 pub mod picture;
 pub mod plan;

@@ -8,8 +8,10 @@ import dofsim
 import numpy as np
 import pytest
 from data_set import (
+    HEIGHT,
     LENS,
     LENS_OPTIONS,
+    WIDTH,
     batch,
     contents,
     keep_few,
@@ -383,3 +385,38 @@ def test_depth_of_integers_needs_a_meaning_in_a_batch(few, capsys):
     assert err.count("--depth-scale 0.001 for millimetres") == 4
     assert not list(Path("out").glob("*.exr"))
     assert batch("rgb", "depth", "-o", "out", *LENS_OPTIONS, "--depth-scale", "0.001") == 0
+
+
+@pytest.fixture
+def sequence(tmp_path, monkeypatch):
+    """Write three frames of which the last has a hand before the camera."""
+    monkeypatch.chdir(tmp_path)
+    wall = np.linspace(3.0, 9.0, HEIGHT * WIDTH).reshape(HEIGHT, WIDTH)
+    for index in range(3):
+        depth = wall.copy()
+        depth[:12, :14] = 60.0 if index == 2 else 9.0
+        io.write_image(f"{index}.png", np.full((HEIGHT, WIDTH, 3), 90, np.uint8))
+        np.save(f"{index}.npy", depth)
+
+
+def blur_of_the_wall(*options):
+    lens = ["--strength-percent", "10", "--focus", "1", "--depth-kind", "relative", "--outputs", "coc"]
+    assert batch("*.png", "*.npy", "-o", "out", *lens, *options) == 0
+    return [io.read_depth(f"out/{index}.coc.exr", channel="coc")[20:] for index in range(3)]
+
+
+def test_relative_depth_has_one_scale_in_all_frames(sequence, capsys):
+    first, _, last = blur_of_the_wall()
+    np.testing.assert_array_equal(first, last)
+    assert "relative depth from" in capsys.readouterr().err
+    # That of frames which are no sequence, if asked for; or a given one.
+    first, _, last = blur_of_the_wall("--depth-range", "each")
+    assert np.abs(first - last).max() > 0.5
+    first, _, last = blur_of_the_wall("--depth-range", "3,9")
+    np.testing.assert_array_equal(first, last)
+
+
+def test_a_scale_that_is_given_may_be_of_any_size(sequence):
+    for index in range(3):
+        np.save(f"{index}.npy", 1e-5 * np.load(f"{index}.npy"))
+    blur_of_the_wall("--depth-range", "3e-5,9e-5")

@@ -9,6 +9,7 @@ from dofsim import io, metrics, photo
 from dofsim.cli import run
 from phones import segment, with_dynamic_depth, with_gdepth
 from PIL import Image as Pillow
+from scipy import ndimage as ndi
 from test_profiles import PROFILES
 
 pytest.importorskip("pillow_heif")
@@ -205,6 +206,74 @@ def test_what_is_used_can_be_kept(tmp_path):
     assert run([*arguments, "--save-depth", str(tmp_path / "used.png")]) == 0
     used = io.read_depth(tmp_path / "used.png", scale=1.0)
     assert ((used > 32768) == SUBJECT).mean() > 0.97
+
+
+def test_the_subject_can_be_kept_as_a_matte(tmp_path):
+    jpeg(tmp_path / "in.jpg")
+    depth = png(tmp_path / "d.png", DEPTHS["a quarter of the size"])
+    arguments = ["photo", str(tmp_path / "in.jpg"), str(depth), "-o", str(tmp_path / "out.png")]
+    assert run([*arguments, "--focus-at", "60,50", "--save-matte", str(tmp_path / "m.png")]) == 0
+    matte = photo.read_matte(tmp_path / "m.png")
+    # Within the four pixels of a value of the map.
+    inside, rim = ndi.binary_erosion(SUBJECT, iterations=4), ndi.binary_dilation(SUBJECT, iterations=4)
+    assert matte[inside].min() == 1.0
+    assert matte[~rim].max() == 0.0
+    # Its edges are soft, and where the subject's are.
+    assert matte.sum() == pytest.approx(SUBJECT.sum(), rel=0.02)
+    assert ((matte > 0.1) & (matte < 0.9)).sum() > 30
+    assert run([*arguments, "--matte", str(tmp_path / "m.png")]) == 0
+
+
+def test_two_results_are_no_one_file(tmp_path, capsys):
+    jpeg(tmp_path / "in.jpg")
+    depth = png(tmp_path / "d.png", NEARNESS)
+    out = str(tmp_path / "out.png")
+    for options in (["--save-depth", out], ["--save-matte", out]):
+        assert run(["photo", str(tmp_path / "in.jpg"), str(depth), "-o", out, *options]) == 2
+        assert "cannot hold two of" in capsys.readouterr().err
+
+
+def test_what_cannot_be_written_is_said_before_the_work(tmp_path, capsys, monkeypatch):
+    jpeg(tmp_path / "in.jpg")
+    depth = png(tmp_path / "d.png", NEARNESS)
+    monkeypatch.setattr(photo, "read", None)
+    arguments = ["photo", str(tmp_path / "in.jpg"), str(depth), "-o", str(tmp_path / "out.jpg")]
+    assert run([*arguments, "--quality", "101"]) == 2
+    assert "--quality must be from 1 to 100; got 101" in capsys.readouterr().err
+
+
+def test_a_profile_that_is_not_understood_is_said_in_the_words_of_the_command(tmp_path, capsys):
+    jpeg(tmp_path / "in.jpg", icc_profile=b"nonsense")
+    depth = png(tmp_path / "d.png", NEARNESS)
+    assert run(["photo", str(tmp_path / "in.jpg"), str(depth), "-o", str(tmp_path / "out.jpg")]) == 2
+    said = capsys.readouterr().err
+    assert "in.jpg: damaged file: its colour profile" in said
+    assert "save the photograph as sRGB" in said
+    assert "transfer" not in said
+
+
+def test_render_names_the_command_for_photographs(tmp_path, capsys):
+    jpeg(tmp_path / "in.jpg")
+    depth = png(tmp_path / "d.png", NEARNESS)
+    assert run(["render", str(tmp_path / "in.jpg"), str(depth), "-o", str(tmp_path / "out.jpg")]) == 2
+    assert "`dofsim photo` writes JPEG and HEIC" in capsys.readouterr().err
+    (tmp_path / "in.heic").write_bytes(b"\0\0\0\x18ftypheic")
+    assert run(["render", str(tmp_path / "in.heic"), str(depth), "-o", str(tmp_path / "out.png")]) == 2
+    assert "`dofsim photo` reads HEIC and AVIF" in capsys.readouterr().err
+
+
+def test_one_scale_for_all_photographs_of_a_sequence():
+    shot = photo.Photo(io.Image(PICTURE, "srgb", "none"))
+    depth = NEARNESS.astype(np.float32)
+    near = depth.copy()
+    near[:20, :40] = 2000.0
+    lens = dofsim.Lens.from_disparity(strength_percent=3.0, focus=1.0)
+    for words in ({}, {"matte": SUBJECT.astype(np.float32)}, {"keep_grain": True}):
+        before, after = (
+            photo.render(shot, one, lens, depth_range=(40.0, 220.0), max_coc_px=8.0, **words)
+            for one in (depth, near)
+        )
+        np.testing.assert_allclose(before[60:], after[60:], atol=2e-3)
 
 
 def test_a_matte_keeps_what_is_half_transparent(tmp_path):

@@ -8,6 +8,7 @@ torch = pytest.importorskip("torch")
 tv_tensors = pytest.importorskip("torchvision.tv_tensors")
 v2 = pytest.importorskip("torchvision.transforms.v2")
 
+from dofsim._relative import range_of  # noqa: E402
 from dofsim.torch import Depth, DepthOfField, RandomDepthOfField  # noqa: E402
 
 LENS = dofsim.Lens(aperture_radius=0.01, focus_distance=1.0, fov=40.0)
@@ -205,3 +206,18 @@ def test_samples_that_are_none(sample, change, message):
 def test_words_that_are_none(options):
     with pytest.raises(ValueError, match=next(iter(options))):
         blur(**options)
+
+
+def test_pictures_of_a_clip_have_one_scale_of_relative_depth():
+    lens = dofsim.Lens.from_disparity(strength_percent=3.0, focus=1.0)
+    depth = torch.linspace(3.0, 9.0, 24 * 32).reshape(1, 24, 32).repeat(2, 1, 1)
+    depth[1, :8, :8] = 90.0
+    clip = {"image": tv_tensors.Image(torch.rand(2, 3, 24, 32)), "depth": Depth(depth)}
+    words = {"max_coc_px": (4.0, 4.0), "depth_kind": "relative", "depth_to": "coc", "lens_to": "lens"}
+    out = RandomDepthOfField(lens, **words)(clip)
+    scale = range_of(depth.numpy())
+    for i in range(2):
+        drawn = {name: float(values[i]) for name, values in out["lens"].items()}
+        one = dofsim.Lens.from_disparity(**drawn)
+        expected = dofsim.coc(depth[i].numpy(), one, depth_kind="relative", depth_range=scale)
+        np.testing.assert_allclose(out["depth"][i].numpy(), expected, atol=1e-4)

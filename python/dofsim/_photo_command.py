@@ -76,6 +76,14 @@ Matte = Annotated[
         rich_help_panel=_PICTURE,
     ),
 ]
+SaveMatte = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="Also write a matte of what is in focus and before it, as a PNG to be painted over for --matte.",
+        rich_help_panel=_PICTURE,
+    ),
+]
 RestoreHighlights = Annotated[
     bool,
     typer.Option(
@@ -117,6 +125,7 @@ def photo_command(
     keep_depth: AsItIs = False,
     save_depth: SaveDepth = None,
     matte: Matte = None,
+    save_matte: SaveMatte = None,
     restore_highlights: RestoreHighlights = False,
     keep_grain: KeepGrain = False,
     quality: Quality = 95,
@@ -133,12 +142,13 @@ def photo_command(
     from .photo._write import check_writing
 
     _console.set_level(quiet=quiet, verbose=verbose)
-    for path, suffixes in ((output, photos.SUFFIXES), (save_depth, (".png",))):
-        if path is not None:
-            _check_output(path, [photo, depth, matte], suffixes)
+    outputs = {output: photos.SUFFIXES} | {path: (".png",) for path in (save_depth, save_matte) if path}
+    for path, suffixes in outputs.items():
+        _check_output(path, [photo, depth, matte], suffixes)
     check_writing(output, quality)
-    if save_depth is not None and save_depth.absolute() == output.absolute():
-        raise ValueError(f"{output}: cannot hold the picture and its depth")
+    written = [path.absolute() for path in (output, save_depth, save_matte) if path is not None]
+    if len(set(written)) < len(written):
+        raise ValueError(f"{written[-1]}: cannot hold two of the picture, its depth and its matte")
     start = time.perf_counter()
     shot = photos.read(photo, depth, depth_far_is_white=depth_far_is_white)
     if shot.depth is None:
@@ -148,7 +158,7 @@ def photo_command(
         )
     given = shot.depth.shape
     height, width = shot.image.pixels.shape[:2]
-    plane = shot.depth if keep_depth else photos.refined(shot)
+    plane, coverage = (shot.depth, None) if keep_depth else photos.refined_with_coverage(shot)
     if plane.shape != (height, width):
         raise ValueError(
             f"{depth or photo}: the depth is {given[1]} x {given[0]} and the picture {width} x {height} "
@@ -184,11 +194,16 @@ def photo_command(
         low, high = float(plane.min()), float(plane.max())
         shares = (plane - low) / max(high - low, 1e-30)
         io.write_image(save_depth, np.rint(65535 * shares).astype(np.uint16))
+    if save_matte is not None:
+        subject = photos.subject(plane, lens, coverage=coverage)
+        io.write_image(save_matte, np.rint(65535 * subject).astype(np.uint16))
     seconds = time.perf_counter() - start
     radius = np.abs(dofsim.coc(plane, lens, depth_kind="relative"))
     named = shot.image.profile.name if shot.image.profile else "sRGB"
     origin = "depth" if depth is not None else "its own depth"
     how = "as it is" if keep_depth else "refined"
+    if restore_highlights:
+        how += ", lamps by its gain map" if shot.gains is not None else ", lamps guessed"
     log.info(
         "%s: %d x %d, %s of %d x %d %s, focus at %d,%d, blur radius %.0f to %.0f px, %s, %s",
         output,

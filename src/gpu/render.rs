@@ -84,7 +84,7 @@ impl<'a> Exposure<'a> {
         let clip = scope.method.clip_of(imaging);
         let mut exposure = Exposure { gpu, scope, imaging, picture, sources, clip, bands: Vec::new() };
         let requirements = exposure.requirements()?;
-        let Picture { size, layers } = &*exposure.picture;
+        let Picture { size, layers, .. } = &*exposure.picture;
         let most = gpu.most_bytes() as usize;
         exposure.bands = bands::split(most, *size, layers.len(), requirements, scene.supersample, |rows| {
             exposure.sources.as_ref().map_or(rows.clone(), |sources| sources.of_rows(rows))

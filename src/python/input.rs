@@ -8,7 +8,7 @@ use super::run::installed;
 use super::samples::array;
 use crate::depth::{DepthKind, Invalid, Rays, disparity_plane};
 use crate::memory::Buffer;
-use crate::picture::{Layer, Picture, Size};
+use crate::picture::{KnownCoverage, Layer, Picture, Size};
 use numpy::PyUntypedArrayMethods;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -71,7 +71,7 @@ impl Input {
             }
             let (refined, found) = refining.refined(array.py(), &planes, &color[0][..lights], shape.size)?;
             planes.planes = vec![refined];
-            edges = Arc::new(found.known());
+            edges = Arc::new(found.map_or_else(Vec::new, |edges| edges.known()));
         }
         let brighter = brighter_than_usual(largest);
         if brighter > 1.0 {

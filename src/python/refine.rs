@@ -102,7 +102,12 @@ pub fn refine_depth<'py>(
     };
     let refined = plane(&depth.0)?;
     if return_coverage {
-        return Ok((refined, plane(&depth.1.faded().values)?).into_pyobject(py)?.into_any());
+        return Ok((
+            refined,
+            plane(&depth.1.map_or_else(|| Buffer::full(size.pixels(), 1.0), |edges| edges.faded().values))?,
+        )
+            .into_pyobject(py)?
+            .into_any());
     }
     Ok(refined)
 }
@@ -128,7 +133,7 @@ impl Refining {
         depth: &DepthPlanes,
         lights: &[f32],
         size: Size,
-    ) -> PyResult<(Buffer<f32>, Edges)> {
+    ) -> PyResult<(Buffer<f32>, Option<Edges>)> {
         if depth.planes.len() > 1 {
             return Err(one_layer(depth.planes.len()));
         }

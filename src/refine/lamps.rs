@@ -14,6 +14,8 @@ use crate::error::Result;
 const OUTSHINES: f32 = 3.0;
 /// Light below this share of white is no lamp's, however dark it is around.
 const FAINTEST: f32 = 0.5;
+/// Light that is everywhere, as a share of white: no surroundings are darker.
+const AMBIENT: f32 = 0.05;
 /// How often steps and lamps are found, each without the other.
 const ROUNDS: usize = 3;
 /// Around a lamp, what is behind it is not seen in the map.
@@ -219,6 +221,10 @@ fn coverage(light: &Plane, reach: usize) -> Option<Plane> {
     }
     let around = light.minima(reach).maxima(reach);
     let excess = light.with(&around, |light, around| light - around);
+    let (least, most) = (around.range().0, excess.range().1);
+    if most < FAINTEST || most < OUTSHINES * (least + AMBIENT) {
+        return None;
+    }
     let brightest = excess.maxima(reach);
     // The light of a lamp, as noisy as it may be: the mean of what is more than half as bright as the brightest.
     let inner = excess
@@ -230,7 +236,7 @@ fn coverage(light: &Plane, reach: usize) -> Option<Plane> {
         let y = y as isize;
         let rows = excess.row(y).iter().zip(level.row(y)).zip(around.row(y));
         out.iter_mut().zip(rows).for_each(|(out, ((excess, level), around))| {
-            let ratio = level / (around + 0.05);
+            let ratio = level / (around + AMBIENT);
             *out = (excess / level.max(f32::MIN_POSITIVE)).clamp(0.0, 1.0)
                 * fade(ratio, OUTSHINES, 2.0 * OUTSHINES)
                 * fade(*level, FAINTEST, 2.0 * FAINTEST);

@@ -1,29 +1,12 @@
-//! Noise of depth: how strong it is, and depth without it.
+//! Depth without its noise.
 
 use super::plane::{Plane, fade};
-use super::quantile::quantiles;
-use rayon::prelude::*;
 
 /// Half of the window within which values are averaged.
 const REACH: usize = 2;
 /// Values that differ by this many standard deviations belong to different surfaces. Two samples of one value differ
 /// by 1.4 of them on average.
 const APART: f32 = 5.0;
-
-/// The standard deviation of the noise: what is left of a pixel when the mean of its four neighbours is subtracted,
-/// which nothing is of a plane. The median ignores the few pixels at edges.
-pub fn deviation(depth: &Plane) -> f32 {
-    let rows = (1..depth.height.saturating_sub(1)).into_par_iter();
-    let residuals = rows.flat_map_iter(|y| {
-        let y = y as isize;
-        let (above, row, below) = (depth.row(y - 1), depth.row(y), depth.row(y + 1));
-        (1..depth.width.saturating_sub(1))
-            .map(move |x| (row[x] - 0.25 * (above[x] + below[x] + row[x - 1] + row[x + 1])).abs())
-    });
-    let [median] = quantiles(residuals, [0.5]);
-    // The median of the magnitudes is 0.6745 deviations, and the variance of the difference 1 + 4 / 16.
-    median / (0.6745 * 1.25f32.sqrt())
-}
 
 /// Depth averaged over what differs from it by no more than noise does.
 ///

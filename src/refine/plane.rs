@@ -1,6 +1,7 @@
 //! One value a pixel, and the filters that refining is made of.
 
 use crate::memory::Buffer;
+use crate::picture::range;
 use rayon::prelude::*;
 
 /// Rows that one worker filters along the columns at a time.
@@ -79,10 +80,11 @@ impl Plane {
             padded.extend(std::iter::repeat_n(row[0], radius));
             padded.extend_from_slice(row);
             padded.extend(std::iter::repeat_n(row[row.len() - 1], radius));
+            let mut next = Vec::with_capacity(padded.len());
             for step in doublings() {
-                for i in 0..padded.len() - step {
-                    padded[i] = of(padded[i], padded[i + step]);
-                }
+                next.clear();
+                next.extend(padded.iter().zip(&padded[step..]).map(|(a, b)| of(*a, *b)));
+                std::mem::swap(&mut padded, &mut next);
             }
             let shifted = &padded[window - largest..];
             out.iter_mut().zip(&padded).zip(shifted).for_each(|((out, a), b)| *out = of(*a, *b));
@@ -93,10 +95,13 @@ impl Plane {
             let rows = out.len() / self.width + 2 * radius;
             let mut padded: Vec<f32> = Vec::with_capacity(rows * self.width);
             (0..rows).for_each(|i| padded.extend_from_slice(across.row(first + i as isize)));
+            let mut left = rows;
             for step in doublings() {
-                let reach = step * self.width;
-                for i in 0..padded.len() - reach {
-                    padded[i] = of(padded[i], padded[i + reach]);
+                left -= step;
+                for row in 0..left {
+                    let (above, below) = padded.split_at_mut((row + step) * self.width);
+                    let above = &mut above[row * self.width..][..self.width];
+                    above.iter_mut().zip(&below[..self.width]).for_each(|(a, b)| *a = of(*a, *b));
                 }
             }
             let shifted = &padded[(window - largest) * self.width..];
@@ -135,27 +140,8 @@ impl Plane {
 
     /// The plane at another size, interpolated between pixels' centres.
     pub fn resized(&self, width: usize, height: usize) -> Plane {
-        let (step_x, step_y) = (self.width as f64 / width as f64, self.height as f64 / height as f64);
-        let place = |i: usize, step: f64| {
-            let at = (i as f64 + 0.5) * step - 0.5;
-            (at.floor() as isize, (at - at.floor()) as f32)
-        };
-        let columns: Vec<(usize, usize, f32)> = (0..width)
-            .map(|x| {
-                let (first, fraction) = place(x, step_x);
-                let clamped = |i: isize| i.clamp(0, self.width as isize - 1) as usize;
-                (clamped(first), clamped(first + 1), fraction)
-            })
-            .collect();
-        Plane::of_rows(width, height, |y, out| {
-            let (first, fraction) = place(y, step_y);
-            let (above, below) = (self.row(first), self.row(first + 1));
-            for (out, (a, b, across)) in out.iter_mut().zip(&columns) {
-                let mix = |row: &[f32]| row[*a] + across * (row[*b] - row[*a]);
-                let (above, below) = (mix(above), mix(below));
-                *out = above + fraction * (below - above);
-            }
-        })
+        let resizing = Resizing::new(self, width, height);
+        Plane::of_rows(width, height, |y, out| resizing.row(y, out))
     }
 
     /// Means over squares of `side` pixels, whose sides are parts of the plane's.
@@ -191,13 +177,16 @@ impl Plane {
         let fits = |side: &usize| {
             let whole = self.width.is_multiple_of(*side) && self.height.is_multiple_of(*side);
             whole && self.width.min(self.height) > 4 * side && {
-                let again = self.before_enlarging(*side).resized(self.width, self.height);
+                let small = self.before_enlarging(*side);
+                let resizing = Resizing::new(&small, self.width, self.height);
                 // The last columns and rows are not between two centres.
-                let inside = |y: usize| &self.values[y * self.width..][2 * side..self.width - 2 * side];
                 let rows = (2 * side..self.height - 2 * side).into_par_iter();
                 rows.all(|y| {
-                    let again = &again.values[y * self.width..][2 * side..self.width - 2 * side];
-                    inside(y).iter().zip(again).all(|(a, b)| (a - b).abs() < 1e-4 * range)
+                    let mut again = vec![0.0; self.width];
+                    resizing.row(y, &mut again);
+                    let inside = 2 * side..self.width - 2 * side;
+                    let both = self.row(y as isize)[inside.clone()].iter().zip(&again[inside]);
+                    both.fold(0.0f32, |most, (a, b)| most.max((a - b).abs())) < 1e-4 * range
                 })
             }
         };
@@ -257,10 +246,44 @@ impl Plane {
 
     /// The least and the greatest value.
     pub fn range(&self) -> (f32, f32) {
-        let least = |(low, high): (f32, f32), v: &f32| {
-            (if *v < low { *v } else { low }, if *v > high { *v } else { high })
+        let [low, high] = range(&self.values);
+        (low, high)
+    }
+}
+
+/// The way from a plane to one of another size, row by row.
+struct Resizing<'a> {
+    from: &'a Plane,
+    /// Two columns, and the second's share.
+    columns: Vec<(usize, usize, f32)>,
+    step_y: f64,
+}
+
+impl Resizing<'_> {
+    fn new(from: &Plane, width: usize, height: usize) -> Resizing<'_> {
+        let step_x = from.width as f64 / width as f64;
+        let column = |x: usize| {
+            let (first, fraction) = Resizing::place(x, step_x);
+            let clamped = |i: isize| i.clamp(0, from.width as isize - 1) as usize;
+            (clamped(first), clamped(first + 1), fraction)
         };
-        self.values.iter().fold((f32::INFINITY, f32::NEG_INFINITY), least)
+        let columns = (0..width).map(column).collect();
+        Resizing { from, columns, step_y: from.height as f64 / height as f64 }
+    }
+
+    fn place(i: usize, step: f64) -> (isize, f32) {
+        let at = (i as f64 + 0.5) * step - 0.5;
+        (at.floor() as isize, (at - at.floor()) as f32)
+    }
+
+    fn row(&self, y: usize, out: &mut [f32]) {
+        let (first, fraction) = Resizing::place(y, self.step_y);
+        let (above, below) = (self.from.row(first), self.from.row(first + 1));
+        for (out, (a, b, across)) in out.iter_mut().zip(&self.columns) {
+            let mix = |row: &[f32]| row[*a] + across * (row[*b] - row[*a]);
+            let (above, below) = (mix(above), mix(below));
+            *out = above + fraction * (below - above);
+        }
     }
 }
 

@@ -18,6 +18,13 @@ const EDGES: usize = 16_384;
 /// By how much more colours must change beside the edges than at them, and than anywhere near.
 const BETTER: [f32; 2] = [1.15, 1.35];
 const CLEAR: [f32; 2] = [1.25, 1.5];
+/// Pixels along the border that have no edges: what is farther than this from an edge is not looked at.
+const MARGIN: usize = 2 * REACH as usize + 2;
+/// Pixels along the sides of what is looked at, and those before the edge.
+const PATCH: usize = 16;
+const BEFORE: usize = 7;
+/// Edges whose sum one worker makes.
+const EDGES_PER_TASK: usize = 256;
 
 /// Less is the measurement's own error, and no misfit.
 const LEAST_PX: [f32; 2] = [0.25, 0.5];
@@ -45,47 +52,30 @@ pub fn misfit(depth: &Plane, colors: &[Plane], range: f32) -> Option<Misfit> {
     if total <= 0.0 {
         return None;
     }
-    let score = |[x, y, growth]: [i32; 3]| -> f32 {
-        let changes = edges.iter().map(|edge| {
-            let at = |color: &Plane, along: f32| {
-                let along = growth as f32 + along;
-                let place = [0, 1].map(|i| edge.place[i] + [x, y][i] as f32 + along * edge.normal[i]);
-                // About as the eye sees it.
-                interpolated(color, place[0], place[1]).clamp(0.0, 1.0).sqrt()
-            };
-            let changes = colors.iter().map(|color| at(color, 0.75) - at(color, -0.75));
-            let change = changes.map(|v| v * v).sum::<f32>().sqrt();
-            f64::from(edge.weight * change.min(STRONG))
-        });
-        (changes.sum::<f64>() / total) as f32
-    };
     let candidates: Vec<[i32; 3]> = (-REACH..=REACH)
         .flat_map(|x| (-REACH..=REACH).flat_map(move |y| (-REACH..=REACH).map(move |growth| [x, y, growth])))
         .filter(|[x, y, growth]| x * x + y * y + growth * growth <= (REACH + 1) * (REACH + 1))
         .collect();
-    let scores: Vec<f32> = candidates.par_iter().map(|candidate| score(*candidate)).collect();
+    let scores = scores(&edges, colors, &candidates, total);
     let best = (0..scores.len()).max_by(|a, b| scores[*a].total_cmp(&scores[*b]))?;
-    let of = |candidate: [i32; 3]| {
-        candidates
-            .iter()
-            .position(|other| *other == candidate)
-            .map_or_else(|| score(candidate), |i| scores[i])
-    };
     let mean = scores.iter().sum::<f32>() / scores.len() as f32;
-    let (highest, here) = (scores[best], of([0; 3]));
+    let at_edges = candidates.iter().position(|candidate| *candidate == [0; 3])?;
+    let (highest, here) = (scores[best], scores[at_edges]);
     let trust = fade(highest / here.max(1e-6), BETTER[0], BETTER[1])
         * fade(highest / mean.max(1e-6), CLEAR[0], CLEAR[1]);
     if trust <= 0.0 {
         return None;
     }
     // The vertex of a parabola along each axis.
+    let beside = |axis: usize, step: i32| {
+        let mut candidate = candidates[best];
+        candidate[axis] += step;
+        candidate
+    };
+    let neighbours: Vec<[i32; 3]> = (0..3).flat_map(|axis| [beside(axis, -1), beside(axis, 1)]).collect();
+    let around = self::scores(&edges, colors, &neighbours, total);
     let found: [f32; 3] = std::array::from_fn(|axis| {
-        let beside = |step: i32| {
-            let mut candidate = candidates[best];
-            candidate[axis] += step;
-            of(candidate)
-        };
-        let (before, after) = (beside(-1), beside(1));
+        let (before, after) = (around[2 * axis], around[2 * axis + 1]);
         let curvature = before - 2.0 * highest + after;
         let offset =
             if curvature < 0.0 { (0.5 * (before - after) / curvature).clamp(-0.5, 0.5) } else { 0.0 };
@@ -98,44 +88,110 @@ pub fn misfit(depth: &Plane, colors: &[Plane], range: f32) -> Option<Misfit> {
     Some(Misfit { shift: [found[0], found[1]], growth: found[2] })
 }
 
+/// How much colours change across edges, on average, for each candidate of right, down and growth. `total` is the sum of
+/// the edges' weights.
+fn scores(edges: &[Edge], colors: &[Plane], candidates: &[[i32; 3]], total: f64) -> Vec<f32> {
+    let of_some = |edges: &[Edge]| {
+        let mut sums = vec![0.0; candidates.len()];
+        for edge in edges {
+            let patches: Vec<Patch> = colors.iter().map(|color| Patch::around(color, edge)).collect();
+            for (sum, candidate) in sums.iter_mut().zip(candidates) {
+                let changes = patches.iter().map(|patch| patch.change(edge, *candidate).powi(2));
+                *sum += f64::from(edge.weight * changes.sum::<f32>().sqrt().min(STRONG));
+            }
+        }
+        sums
+    };
+    let sums: Vec<Vec<f64>> = edges.par_chunks(EDGES_PER_TASK).map(of_some).collect();
+    let sum = |i: usize| sums.iter().map(|sums| sums[i]).sum::<f64>();
+    (0..candidates.len()).map(|i| (sum(i) / total) as f32).collect()
+}
+
+/// A channel around an edge, about as the eye sees it.
+struct Patch {
+    values: [f32; PATCH * PATCH],
+    /// The edge's place in it.
+    place: [f32; 2],
+}
+
+impl Patch {
+    fn around(color: &Plane, edge: &Edge) -> Patch {
+        let first = edge.place.map(|v| v as usize - BEFORE);
+        let mut values = [0.0; PATCH * PATCH];
+        for (row, values) in values.chunks_exact_mut(PATCH).enumerate() {
+            let from = &color.values[(first[1] + row) * color.width + first[0]..][..PATCH];
+            values.iter_mut().zip(from).for_each(|(out, v)| *out = v.clamp(0.0, 1.0).sqrt());
+        }
+        Patch { values, place: std::array::from_fn(|i| edge.place[i] - first[i] as f32) }
+    }
+
+    /// By how much it changes across the edge, were the edge elsewhere.
+    #[inline(always)]
+    fn change(&self, edge: &Edge, [x, y, growth]: [i32; 3]) -> f32 {
+        let at = |along: f32| {
+            let along = growth as f32 + along;
+            let [across, down] = [0, 1].map(|i| self.place[i] + [x, y][i] as f32 + along * edge.normal[i]);
+            let (left, top) = (across as usize, down as usize);
+            let (across, down) = (across - left as f32, down - top as f32);
+            let [above, below] = [top, top + 1].map(|row| {
+                let row = &self.values[row * PATCH + left..][..2];
+                row[0] + across * (row[1] - row[0])
+            });
+            above + down * (below - above)
+        };
+        at(0.75) - at(-0.75)
+    }
+}
+
 /// Edges of depth all over the picture.
 fn edges(depth: &Plane, range: f32) -> Vec<Edge> {
-    let margin = 2 * REACH as usize + 2;
-    if depth.width <= 2 * margin || depth.height <= 2 * margin {
+    if depth.width <= 2 * MARGIN || depth.height <= 2 * MARGIN {
         return Vec::new();
     }
-    let smooth = depth.blurred(1.0);
-    let rows = margin..depth.height - margin;
-    let found: Vec<Edge> = rows
+    let weight = |step: f32| {
+        let share = step.abs() / range;
+        fade(share, LEAST_CONTRAST, 2.0 * LEAST_CONTRAST) * share.min(STRONG)
+    };
+    let found: Vec<(usize, usize, bool)> = (MARGIN..depth.height - MARGIN)
         .into_par_iter()
         .flat_map_iter(|y| {
             let (row, below) = (depth.row(y as isize), depth.row(y as isize + 1));
-            let smooth = &smooth;
-            (margin..depth.width - margin).flat_map(move |x| {
-                let across = (row[x + 1] - row[x], [0.5, 0.0]);
-                let down = (below[x] - row[x], [0.0, 0.5]);
-                [across, down].into_iter().filter_map(move |(step, offset)| {
-                    let share = step.abs() / range;
-                    let weight = fade(share, LEAST_CONTRAST, 2.0 * LEAST_CONTRAST) * share.min(STRONG);
-                    if weight <= 0.0 {
-                        return None;
-                    }
-                    let (x, y) = (x as isize, y as isize);
-                    let slope = [
-                        smooth.at(x + 1, y) - smooth.at(x - 1, y),
-                        smooth.at(x, y + 1) - smooth.at(x, y - 1),
-                    ];
-                    let steep = (slope[0] * slope[0] + slope[1] * slope[1]).sqrt().max(f32::MIN_POSITIVE);
-                    let normal = slope.map(|v| v / steep);
-                    let along = if offset[0] > 0.0 { normal[0] } else { normal[1] };
-                    let place = [x as f32 + offset[0], y as f32 + offset[1]];
-                    Some(Edge { place, normal, weight: weight * along.abs() })
-                })
+            (MARGIN..depth.width - MARGIN).flat_map(move |x| {
+                let across = (weight(row[x + 1] - row[x]) > 0.0).then_some((x, y, true));
+                let down = (weight(below[x] - row[x]) > 0.0).then_some((x, y, false));
+                across.into_iter().chain(down)
             })
         })
         .collect();
     let step = found.len().div_ceil(EDGES).max(1);
-    found.into_iter().step_by(step).collect()
+    let edge = |&(x, y, is_across): &(usize, usize, bool)| {
+        let (x, y) = (x as isize, y as isize);
+        let slope = smooth_slope(depth, x, y);
+        let steep = (slope[0] * slope[0] + slope[1] * slope[1]).sqrt().max(f32::MIN_POSITIVE);
+        let normal = slope.map(|v| v / steep);
+        let (beside, along, offset) = match is_across {
+            true => (depth.at(x + 1, y), normal[0], [0.5, 0.0]),
+            false => (depth.at(x, y + 1), normal[1], [0.0, 0.5]),
+        };
+        let place = [x as f32 + offset[0], y as f32 + offset[1]];
+        Edge { place, normal, weight: weight(beside - depth.at(x, y)) * along.abs() }
+    };
+    found.par_iter().step_by(step).map(edge).collect()
+}
+
+/// The slope of depth that is blurred by a Gaussian of one pixel, across and down.
+fn smooth_slope(depth: &Plane, x: isize, y: isize) -> [f32; 2] {
+    const REACH: isize = 3;
+    let mut slope = [0.0; 2];
+    for dy in -REACH..=REACH {
+        for dx in -REACH..=REACH {
+            let weight = (-0.5 * (dx * dx + dy * dy) as f32).exp();
+            let (x, y) = (x + dx, y + dy);
+            slope[0] += weight * (depth.at(x + 1, y) - depth.at(x - 1, y));
+            slope[1] += weight * (depth.at(x, y + 1) - depth.at(x, y - 1));
+        }
+    }
+    slope
 }
 
 fn interpolated(plane: &Plane, x: f32, y: f32) -> f32 {

@@ -40,11 +40,13 @@ fn counted(tile: &Tile<1>, least: f32, range: f32) -> Option<Vec<u64>> {
     if high - low <= least * range {
         return None;
     }
+    // Squared slopes. The last column is in the margin.
     let slopes = depth.like(|y, out| {
         let (row, below) = (depth.row(y as isize), depth.row(y as isize + 1));
-        for (x, out) in out.iter_mut().enumerate() {
-            let (across, down) = (row[(x + 1).min(row.len() - 1)] - row[x], below[x] - row[x]);
-            *out = (across * across + down * down).sqrt();
+        out[row.len() - 1] = 0.0;
+        for (out, ((own, right), below)) in out.iter_mut().zip(row.iter().zip(&row[1..]).zip(below)) {
+            let (across, down) = (right - own, below - own);
+            *out = across * across + down * down;
         }
     });
     let steepest = slopes.maxima(2);
@@ -59,6 +61,7 @@ fn counted(tile: &Tile<1>, least: f32, range: f32) -> Option<Vec<u64>> {
             if slope <= 0.0 || slope < steepest[x] {
                 continue;
             }
+            let slope = slope.sqrt();
             let contrast = (high[x] - low[x]) / range;
             let width = contrast * range / slope;
             let weight =

@@ -34,6 +34,12 @@ impl Edges {
         Edges { coverage: size.like(|_, out| out.fill(1.0)), trust: size.like(|_, out| out.fill(0.0)) }
     }
 
+    /// The same edges, of which less is known.
+    pub fn trusted(&self, share: f32) -> Edges {
+        let trust = self.trust.with(&self.trust, |trust, _| share * trust);
+        Edges { coverage: self.coverage.clone(), trust }
+    }
+
     /// The coverage of each pixel by the nearer of two surfaces, and 1 away from edges.
     pub fn faded(&self) -> Plane {
         self.coverage.with(&self.trust, |coverage, trust| 1.0 + trust * (coverage - 1.0))

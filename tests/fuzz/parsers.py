@@ -26,9 +26,13 @@ import dofsim
 import h5py
 import numpy as np
 import OpenEXR
-from dofsim import io
+from dofsim import io, photo
 from dofsim.batch import read_manifest
 from dofsim.cli import run
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from phones import gain_jpeg, iso_gain, segment, with_dynamic_depth, with_further, with_gdepth, xmp
 
 # A case that takes longer hangs: these files have some hundred bytes.
 SLOW_S = 10.0
@@ -139,6 +143,47 @@ def seeds_jsonl(folder: Path) -> list[bytes]:
     return ["\n".join(map(json.dumps, rows)).encode(), json.dumps({"color": "a.exr"}).encode()]
 
 
+def seeds_heic(folder: Path) -> list[bytes]:
+    import pillow_heif
+    from PIL import Image
+
+    pillow_heif.register_heif_opener()
+    codes = np.linspace(0, 255, 16 * 24 * 3).reshape(16, 24, 3).astype(np.uint8)
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    files = []
+    for words in ({"quality": 90}, {"quality": 50, "exif": exif}):
+        Image.fromarray(codes).save(folder / "a.heic", **words)
+        files.append((folder / "a.heic").read_bytes())
+    with_alpha = np.concatenate([codes, codes[..., :1]], -1)
+    Image.fromarray(with_alpha).save(folder / "a.heic", quality=90)
+    return [*files, (folder / "a.heic").read_bytes()]
+
+
+def seeds_phone(folder: Path) -> list[bytes]:
+    """JPEG with depth in XMP, and with a gain map in each of its words."""
+    from PIL import Image
+
+    codes = np.linspace(0, 255, 16 * 24).reshape(16, 24).astype(np.uint8)
+    path = folder / "a.jpg"
+
+    def plain() -> Path:
+        Image.fromarray(np.repeat(codes[..., None], 3, -1)).save(path, quality=90)
+        return path
+
+    with_gdepth(plain(), codes)
+    files = [path.read_bytes()]
+    with_dynamic_depth(plain(), codes)
+    files.append(path.read_bytes())
+    words = 'xmlns:h="http://ns.adobe.com/hdr-gain-map/1.0/" h:Version="1.0" h:GainMapMax="3"'
+    said = segment(b"http://ns.adobe.com/xap/1.0/\0" + xmp(words))
+    fractions = [(0, 1), (3, 1), (0, 1), (3, 1), (1, 1), (1, 64), (1, 64)]
+    for part in (said, iso_gain(*fractions)):
+        with_further(plain(), gain_jpeg(codes, part))
+        files.append(path.read_bytes())
+    return files
+
+
 # Readers
 
 
@@ -223,6 +268,9 @@ KINDS = {
     "toml": Kind(".toml", seeds_toml, render, 64),
     "csv": Kind(".csv", seeds_csv, batch, 64),
     "jsonl": Kind(".jsonl", seeds_jsonl, batch, 64),
+    # A picture of 67 million pixels is always believed; its decoder says no before it takes them.
+    "heic": Kind(".heic", seeds_heic, photo.read, 64),
+    "phone": Kind(".jpg", seeds_phone, photo.read, 64),
 }
 
 

@@ -5,7 +5,7 @@
 the extra ``photo``.
 """
 
-from ._looks import lens_for, refined, render, with_grain
+from ._looks import lens_for, refined, refined_with_coverage, render, subject, with_grain
 from ._read import read, read_depth, read_matte
 from ._shot import Photo
 from ._write import SUFFIXES, write
@@ -18,7 +18,9 @@ __all__ = [
     "read_depth",
     "read_matte",
     "refined",
+    "refined_with_coverage",
     "render",
+    "subject",
     "with_grain",
     "write",
 ]

@@ -37,10 +37,88 @@ def refined(photo: Photo) -> NDArray[np.float32]:
     ValueError
         If there is no depth, or its shape is another.
     """
+    return refined_with_coverage(photo)[0]
+
+
+def refined_with_coverage(photo: Photo) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Give the same, and how much of each pixel the nearer of two surfaces covers, for `subject`.
+
+    Parameters
+    ----------
+    photo : Photo
+        The photograph, with depth.
+
+    Returns
+    -------
+    tuple of ndarray of float32
+        Relative disparity and coverage, each of shape (H, W).
+
+    Raises
+    ------
+    ValueError
+        As `refined`.
+    """
     if photo.depth is None:
         raise ValueError("the photograph has no depth; give a depth map beside it")
     color = opaque(photo.image)
-    return dofsim.refine_depth(color, photo.depth, depth_kind="relative", invalid="far")
+    return dofsim.refine_depth(color, photo.depth, depth_kind="relative", invalid="far", return_coverage=True)
+
+
+def subject(
+    depth: NDArray[np.float32],
+    lens: dofsim.Lens,
+    *,
+    coverage: NDArray[np.float32] | None = None,
+    depth_range: tuple[float, float] | None = None,
+) -> NDArray[np.float32]:
+    """Give a matte of what is in focus and of what is before it.
+
+    Its edges are those of the depth; single hairs, which no depth map has, can be painted into it.
+
+    Parameters
+    ----------
+    depth : ndarray
+        Relative disparity of the photograph's size, as of `refined`.
+    lens : Lens
+        The lens, as of `lens_for`.
+    coverage : ndarray, optional
+        Of edges, as of `refined_with_coverage`: soft edges instead of steps.
+    depth_range : tuple of float, optional
+        As of `render`.
+
+    Returns
+    -------
+    ndarray of float32
+        Shape (H, W), 0 to 1, as `render` takes it.
+
+    Examples
+    --------
+    >>> import dofsim
+    >>> import numpy as np
+    >>> from dofsim import photo
+    >>> depth = np.repeat(np.array([0.2, 0.9], np.float32), 4)[np.newaxis].repeat(3, 0)
+    >>> photo.subject(depth, dofsim.Lens.from_disparity(strength_percent=3.0, focus=1.0))[0, 2:6]
+    array([0., 0., 1., 1.], dtype=float32)
+    """
+    radius = dofsim.coc(depth, lens, depth_kind="relative", depth_range=depth_range)
+    # From a quarter of the largest blur behind the focus on, the background begins; from half on, all is.
+    share = np.clip(radius / max(float(radius.max()), 1e-30), 0.0, 1.0)
+    fade = np.clip((share - 0.25) / 0.25, 0.0, 1.0)
+    matte: NDArray[np.float32] = (1.0 - fade * fade * (3.0 - 2.0 * fade)).astype(np.float32)
+    if coverage is None:
+        return matte
+    near, far = matte, matte
+    for axis in (0, 1):
+        near, far = _extremes(near, axis, np.maximum), _extremes(far, axis, np.minimum)
+    return np.where(coverage < 1.0, far + coverage * (near - far), matte)
+
+
+def _extremes(plane: NDArray[np.float32], axis: int, of: Any) -> NDArray[np.float32]:
+    """Give the extreme of each pixel and its two neighbours along an axis."""
+    lines = np.moveaxis(plane, axis, 0)
+    padded = np.concatenate([lines[:1], lines, lines[-1:]])
+    found: NDArray[np.float32] = np.moveaxis(of(of(padded[:-2], padded[2:]), lines), 0, axis)
+    return found
 
 
 def lens_for(photo: Photo, *, f_number: float = 1.4, nearest_m: float = 1.0) -> dofsim.Lens:
