@@ -116,7 +116,7 @@ SECONDS ?= 60
 FUZZ ?= cargo +nightly fuzz
 FUZZED := raster jpeg profile exr render
 # What is parsed in Python, and by libraries of others.
-PARSED := npy npz deep hdf5 dpt mitsuba blender toml csv jsonl
+PARSED := npy npz deep hdf5 dpt mitsuba blender toml csv jsonl heic phone
 
 fuzz: $(WORK)/.installed
 	mkdir -p $(FUZZED:%=build/fuzz/%)

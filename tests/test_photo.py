@@ -128,6 +128,16 @@ def test_heic_and_avif(tmp_path, suffix):
         photo.read(cut)
 
 
+def test_a_container_without_a_picture_is_damaged(tmp_path, monkeypatch):
+    """Some changed bytes leave all boxes whole and no picture among them."""
+    import pillow_heif
+
+    monkeypatch.setattr(pillow_heif, "open_heif", lambda *_, **__: [])
+    (tmp_path / "in.heic").write_bytes(b"\0\0\0\x18ftypheic")
+    with pytest.raises(ValueError, match=r"in\.heic: damaged file: there is no picture in it"):
+        photo.read(tmp_path / "in.heic")
+
+
 DEPTHS = {
     "grey": NEARNESS,
     "RGB": np.repeat(NEARNESS[..., None], 3, -1),

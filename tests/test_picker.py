@@ -105,6 +105,21 @@ def test_dragging_shows_a_reduced_picture(picker):
     assert np.abs(blocks - picture)[inside].mean() < 3.0
 
 
+def test_a_large_picture_is_shown_reduced_and_rendered_whole():
+    """A page cannot decode tens of megabytes at each click."""
+    width, height = 4200, 24
+    color = np.random.default_rng(5).random((height, width, 3), np.float32)
+    depth = np.full((height, width), 6.0, np.float32)
+    depth[:, :70] = 1.5
+    depth[5, 4001] = 2.5
+    picker = dofsim.FocusPicker(color, depth, LENS.replace(aperture_radius=0.001))
+    frame = ask(picker, focus=[4001, 5])
+    # The focus is on that very pixel, which the reduced picture has not.
+    assert picker.lens.focus_distance == pytest.approx(2.5)
+    assert pixels(frame["picture"]).shape == (8, 1400, 3)
+    assert picker.render().shape == color.shape
+
+
 def test_the_sliders(picker, scene):
     ask(picker, stops=-2.0)
     assert picker.lens.aperture_radius == pytest.approx(0.025)

@@ -164,14 +164,36 @@ def test_what_was_sharpened_is_sharp():
     assert (np.abs(refined(once) - once) > 0.02).mean() < 2e-3
 
 
-def test_render_scene_and_function_refine_alike():
+def test_render_and_scene_refine_alike():
     soft = quarter(exact())
-    sharp = refined(soft)
     words = {"depth_kind": "disparity", "device": "cpu"}
-    expected = dofsim.render(picture(), sharp, LENS, **words)
-    np.testing.assert_array_equal(dofsim.render(picture(), soft, LENS, refine=True, **words), expected)
+    whole = dofsim.render(picture(), soft, LENS, refine=True, **words)
     scene = dofsim.Scene(picture(), soft, refine=True, **words)
-    np.testing.assert_array_equal(scene.render(LENS), expected)
+    np.testing.assert_array_equal(scene.render(LENS), whole)
+    np.testing.assert_array_equal(scene.depth, refined(soft))
+    # What was found of the edges is used beside the depth, so that a little is better.
+    apart = dofsim.render(picture(), scene.depth, LENS, **words)
+    assert 0.0 < np.abs(whole - apart).mean() < 2e-3
+
+
+def test_sharp_depth_is_rendered_as_without_refining():
+    words = {"depth_kind": "disparity", "device": "cpu"}
+    plain = dofsim.render(picture(), exact(), LENS, **words)
+    np.testing.assert_array_equal(dofsim.render(picture(), exact(), LENS, refine=True, **words), plain)
+
+
+def test_a_scene_has_its_depth():
+    z = np.stack([np.full((8, 8), 1.0), np.full((8, 8), 2.0)])
+    np.testing.assert_array_equal(dofsim.Scene(np.ones((2, 8, 8, 4), np.float32), z).depth, z)
+
+
+def test_coverage_that_is_known_is_that_of_the_edge():
+    """An edge through a third of a pixel whose colours say nothing, for they are those of noise."""
+    edge = 104 + 1 / 3
+    soft = np.interp(X, [edge - 3.5, edge + 2.5], [1.0, 0.25])
+    _, coverage = refined(soft, return_coverage=True)
+    inside = coverage[40:-40, 103:106].mean(0)
+    np.testing.assert_allclose(inside, [0.5 + edge - 0.5 - 103, edge - 0.5 + 0.5 - 104, 0.0], atol=0.12)
 
 
 def test_colours_that_are_none_can_be_filled():
@@ -180,13 +202,13 @@ def test_colours_that_are_none_can_be_filled():
     words = {"depth_kind": "disparity"}
     with pytest.raises(ValueError, match="invalid_color"):
         dofsim.refine_depth(color, soft, **words)
-    sharp = dofsim.refine_depth(color, soft, invalid_color="fill", **words)
+    words |= {"invalid_color": "fill"}
+    sharp = dofsim.refine_depth(color, soft, **words)
     assert np.isfinite(sharp).all()
-    words |= {"invalid_color": "fill", "device": "cpu"}
     with pytest.warns(UserWarning, match="color has 1 pixel"):
-        whole = dofsim.render(color, soft, LENS, refine=True, **words)
-    with pytest.warns(UserWarning, match="color has 1 pixel"):
-        np.testing.assert_array_equal(whole, dofsim.render(color, sharp, LENS, **words))
+        scene = dofsim.Scene(color, soft, refine=True, device="cpu", **words)
+    np.testing.assert_array_equal(scene.depth, sharp)
+    assert np.isfinite(scene.render(LENS)).all()
 
 
 @pytest.mark.parametrize(

@@ -189,17 +189,21 @@ def render_command(
         picture = replace(picture, alpha=chosen)
     color = picture.to_linear()
     has_alpha = picture.alpha != "none"
+    finer = render_options.supersample
+    grid = {"overscan": framed.overscan, "supersample": finer}
+    scene_words: dict[str, Any] = {
+        **kind,
+        **grid,
+        "device": render_options.device,
+        "invalid": depth_options.invalid,
+        "invalid_color": render_options.invalid_color,
+        "alpha": "premultiplied" if has_alpha else "none",
+        "transfer": "linear",
+    }
+    scene: dofsim.Scene | None = None
     if render_options.refine_depth:
-        sharp = dofsim.refine_depth(
-            color,
-            framed.rgbd.depth,
-            **{name: value for name, value in kind.items() if name != "depth_range"},
-            invalid=depth_options.invalid,
-            invalid_color=render_options.invalid_color,
-            alpha="premultiplied" if has_alpha else "none",
-            threads=render_options.threads,
-        )
-        framed = replace(framed, rgbd=replace(framed.rgbd, depth=sharp))
+        scene = dofsim.Scene(color, framed.rgbd.depth, refine=True, **scene_words)
+        framed = replace(framed, rgbd=replace(framed.rgbd, depth=scene.depth))
     rgbd = framed.rgbd
     _say_what_was_read(image, depth or image, framed)
     words, opening = lens_options.read(
@@ -216,17 +220,6 @@ def render_command(
     )
     if aperture is not None:
         method_words["aperture"] = aperture
-    finer = render_options.supersample
-    grid = {"overscan": framed.overscan, "supersample": finer}
-    scene_words: dict[str, Any] = {
-        **kind,
-        **grid,
-        "device": render_options.device,
-        "invalid": depth_options.invalid,
-        "invalid_color": render_options.invalid_color,
-        "alpha": "premultiplied" if has_alpha else "none",
-        "transfer": "linear",
-    }
     log.debug("%s: %r", image, rgbd)
     log.debug("%r", lens)
     log.debug(
@@ -242,7 +235,10 @@ def render_command(
     shape = (height // finer, width // finer, *color.shape[rgbd.depth.ndim :])
     out = np.full(shape, np.nan, np.float32)
     with _console.patience(out, render_options.method):
-        result = dofsim.render(color, rgbd.depth, lens, **scene_words, **method_words, out=out)
+        if scene is None:
+            result = dofsim.render(color, rgbd.depth, lens, **scene_words, **method_words, out=out)
+        else:
+            result = scene.render(lens, **method_words, out=out)
     seconds = time.perf_counter() - start
 
     result = framed.cut(result)

@@ -7,6 +7,7 @@ use crate::color::Sample;
 use crate::depth::{DepthKind, Invalid, Rays, disparities};
 use crate::memory::Buffer;
 use crate::optics::{Base, Frame, Lens};
+use crate::picture::Size;
 use numpy::PyUntypedArrayMethods;
 use numpy::ndarray::Axis;
 use pyo3::exceptions::PyValueError;
@@ -149,6 +150,18 @@ pub fn read_planes(name: &str, given: &Bound<'_, PyAny>) -> PyResult<DepthPlanes
         (0..layers).map(|i| in_order(&layer(i), values)).collect::<PyResult<_>>()
     }))??;
     Ok(DepthPlanes { width, height, planes })
+}
+
+/// Refuses a map of another shape than the picture's, to a pixel of the smaller of the two.
+pub fn check_shape(name: &str, depth: &DepthPlanes, size: Size) -> PyResult<()> {
+    let (across, down) = (depth.width * size.height, depth.height * size.width);
+    if across.abs_diff(down) > size.width.max(size.height).max(depth.width).max(depth.height) {
+        return Err(PyValueError::new_err(format!(
+            "{name} must have the shape of color, {} x {} pixels, at any size; got {} x {}",
+            size.width, size.height, depth.width, depth.height
+        )));
+    }
+    Ok(())
 }
 
 /// The disparity of a picture, and the positions of its pixels relative to a lens.

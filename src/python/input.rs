@@ -48,7 +48,8 @@ impl Input {
         let expected = (shape.layers, shape.size.height, shape.size.width);
         if refining.is_none() && (planes.planes.len(), planes.height, planes.width) != expected {
             return Err(PyValueError::new_err(format!(
-                "depth must have the same layers, rows and columns as color, {expected:?}; got {:?}",
+                "depth must have the same layers, rows and columns as color, {expected:?}; got {:?}; refine=True takes depth of \
+                 one layer at any size",
                 (planes.planes.len(), planes.height, planes.width)
             )));
         }
@@ -84,9 +85,9 @@ impl Input {
         Ok(Input { size: shape.size, format, brighter, filled_pixels, color, depth: planes.planes, edges })
     }
 
-    /// The depth of a picture that has been refined, which has one layer.
-    pub fn refined_depth(&self) -> &[f32] {
-        &self.depth[0]
+    /// The raw depth of each layer.
+    pub fn depth(&self) -> Vec<&[f32]> {
+        self.depth.iter().map(|plane| &plane[..]).collect()
     }
 
     /// The number of layers.

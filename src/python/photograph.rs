@@ -2,9 +2,8 @@
 
 use super::argument;
 use super::color::{color_shape, read_format, read_layer_color};
-use super::depth::read_planes;
+use super::depth::{check_shape, read_planes};
 use super::invalid_color::InvalidColor;
-use super::refine::check_shape;
 use super::run::detached;
 use super::samples::array;
 use crate::clipped::{guessed_gains, mapped_gains};

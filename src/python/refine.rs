@@ -2,7 +2,9 @@
 
 use super::argument;
 use super::color::{color_shape, read_format, read_layer_color};
-use super::depth::{DepthArguments, DepthPlanes, read_depth, read_depth_arguments, read_invalid};
+use super::depth::{
+    DepthArguments, DepthPlanes, check_shape, read_depth, read_depth_arguments, read_invalid,
+};
 use super::invalid_color::read_invalid_color;
 use super::photograph::planes;
 use super::run::detached;
@@ -163,16 +165,4 @@ impl Refining {
             Ok((values, refined.edges))
         })
     }
-}
-
-/// Refuses a map of another shape than the picture's, to a pixel of the smaller of the two.
-pub fn check_shape(name: &str, depth: &DepthPlanes, size: Size) -> PyResult<()> {
-    let (across, down) = (depth.width * size.height, depth.height * size.width);
-    if across.abs_diff(down) > size.width.max(size.height).max(depth.width).max(depth.height) {
-        return Err(PyValueError::new_err(format!(
-            "{name} must have the shape of color, {} x {} pixels, at any size; got {} x {}",
-            size.width, size.height, depth.width, depth.height
-        )));
-    }
-    Ok(())
 }

@@ -222,7 +222,7 @@ pub fn render<'py>(
         words.set_item("supersample", supersample)?;
         words.set_item("max_coc_px", max_coc_px)?;
         let log_render = py.import("dofsim._report")?.getattr("log_render")?;
-        let depth = if refine { scene.refined_depth(py)? } else { depth.clone() };
+        let depth = if refine { scene.depth(py)? } else { depth.clone() };
         log_render.call((depth, PyLens { core: lens }, seconds), Some(&words))?;
     }
     Ok(picture)

@@ -63,12 +63,6 @@ pub struct PyScene {
 }
 
 impl PyScene {
-    /// The depth that was made of the given one, of the size of the picture.
-    pub fn refined_depth<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let Size { height, width, .. } = self.input.size;
-        Ok(PyArray1::from_slice(py, self.input.refined_depth()).reshape([height, width])?.into_any())
-    }
-
     /// The renderer of the picture, with the disparity that this lens needs.
     fn renderer(&self, lens: &Lens) -> PyResult<Arc<Renderer>> {
         let (ref depth_kind, near, far, depth_range) = self.depth_arguments;
@@ -174,6 +168,18 @@ impl PyScene {
     #[getter]
     fn filled_pixels(&self) -> usize {
         self.input.filled_pixels
+    }
+
+    /// The depth that is rendered, as it was given or refined: float32, of the shape that the picture has without channels.
+    #[getter]
+    pub fn depth<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let Size { height, width, .. } = self.input.size;
+        let planes = self.input.depth();
+        let values = PyArray1::from_vec(py, planes.concat());
+        Ok(match planes.len() {
+            1 => values.reshape([height, width])?.into_any(),
+            layers => values.reshape([layers, height, width])?.into_any(),
+        })
     }
 
     /// The scene through a lens.

@@ -22,7 +22,7 @@ use steps::Steps;
 /// is one pixel.
 const SHARP_PX: [f32; 2] = [1.1, 1.4];
 /// Depth is refined at half of its size first as far as so many times as much of its edges is seen there.
-const MANY: [f32; 2] = [1.5, 2.5];
+const MANY: [f32; 2] = [2.0, 3.0];
 /// Smaller depth is not halved.
 const SMALLEST_PX: usize = 64;
 

@@ -107,7 +107,7 @@ fn scores(edges: &[Edge], colors: &[Plane], candidates: &[[i32; 3]], total: f64)
     (0..candidates.len()).map(|i| (sum(i) / total) as f32).collect()
 }
 
-/// A channel around an edge, about as the eye sees it.
+/// A channel around an edge.
 struct Patch {
     values: [f32; PATCH * PATCH],
     /// The edge's place in it.
@@ -120,7 +120,7 @@ impl Patch {
         let mut values = [0.0; PATCH * PATCH];
         for (row, values) in values.chunks_exact_mut(PATCH).enumerate() {
             let from = &color.values[(first[1] + row) * color.width + first[0]..][..PATCH];
-            values.iter_mut().zip(from).for_each(|(out, v)| *out = v.clamp(0.0, 1.0).sqrt());
+            values.copy_from_slice(from);
         }
         Patch { values, place: std::array::from_fn(|i| edge.place[i] - first[i] as f32) }
     }
@@ -137,7 +137,8 @@ impl Patch {
                 let row = &self.values[row * PATCH + left..][..2];
                 row[0] + across * (row[1] - row[0])
             });
-            above + down * (below - above)
+            // About as the eye sees it.
+            (above + down * (below - above)).clamp(0.0, 1.0).sqrt()
         };
         at(0.75) - at(-0.75)
     }

@@ -26,7 +26,6 @@ from .records import fingerprint, is_done, write_record
 T = TypeVar("T")
 
 _DEPTH_WORDS = ("depth_kind", "near", "far", "depth_range")
-_REFINING_WORDS = ("depth_kind", "near", "far", "invalid", "invalid_color", "threads")
 _SCENE_WORDS = ("device", *_DEPTH_WORDS, "invalid", "invalid_color", "overscan", "supersample")
 # No frame after it can be written either, so this ends the run.
 _DISK_FULL = {errno.ENOSPC, errno.EDQUOT}
@@ -156,14 +155,17 @@ def render(loaded: Loaded) -> Rendered:
     kind = {name: options[name] for name in _DEPTH_WORDS if name in options}
     alpha: Alpha = "premultiplied" if image.alpha != "none" else "none"
     color = image.to_linear()
-    # Before all else: the focus, the circle of confusion and the pictures are of the refined depth.
-    if options.pop("refine", False):
-        given = {name: options[name] for name in _REFINING_WORDS if name in options}
-        depth = dofsim.refine_depth(color, depth, alpha=alpha, **given)
-        framed = framed and replace(framed, rgbd=replace(framed.rgbd, depth=depth))
     # The margin that was found may be wider than the one that was asked for.
     margin = options.get("overscan", 0) if framed is None else framed.overscan
     finer = options.get("supersample", 1)
+    scene_words = {name: value for name, value in options.items() if name in _SCENE_WORDS}
+    scene_words |= {"overscan": margin, "alpha": alpha, "transfer": "linear"}
+    scene: dofsim.Scene | None = None
+    # Before all else: the focus, the circle of confusion and the pictures are of the refined depth.
+    if options.pop("refine", False):
+        scene = dofsim.Scene(color, depth, refine=True, **scene_words)
+        depth = scene.depth
+        framed = framed and replace(framed, rgbd=replace(framed.rgbd, depth=depth))
     seen = depth if framed is None else framed.seen_depth(finer)
     found = dict(loaded.channels)
     words = dict(frame.lens)
@@ -199,9 +201,7 @@ def render(loaded: Loaded) -> Rendered:
         found["stack"] = {name: _focus(one) for name, one in slices.items()}
         lenses |= slices
     if lenses:
-        scene_words = {name: value for name, value in options.items() if name in _SCENE_WORDS}
-        scene_words["overscan"] = margin
-        scene = dofsim.Scene(color, depth, alpha=alpha, transfer="linear", **scene_words)
+        scene = scene or dofsim.Scene(color, depth, **scene_words)
         if scene.filled_pixels:
             found["filled_pixels"] = scene.filled_pixels
         for name, one in lenses.items():

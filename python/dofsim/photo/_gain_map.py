@@ -94,7 +94,8 @@ def of_jpeg(jpeg: Jpeg, exif: bytes | None, decode: Any) -> NDArray[np.float32] 
         except (ValueError, struct.error, ZeroDivisionError) as error:
             raise ValueError(f"{jpeg.path}: damaged file: its gain map: {error}") from error
         # One factor a pixel, for what is beyond white has lost its colour.
-        return np.mean(lights, 0, dtype=np.float32)
+        gains: NDArray[np.float32] = np.mean(lights, 0, dtype=np.float32)
+        return gains
     return None
 
 
@@ -152,7 +153,7 @@ def of_heif(path: StrPath, picture: Any, exif: bytes | None) -> NDArray[np.float
         return None
     try:
         return of_apple(_shares(np.asarray(picture.get_aux_image(places[0]))), headroom(exif))
-    except (ValueError, RuntimeError, OSError, EOFError, SyntaxError) as error:
+    except (ValueError, RuntimeError, OSError, EOFError, SyntaxError, LookupError) as error:
         raise ValueError(f"{path}: damaged file: its gain map: {error}") from error
 
 

@@ -21,6 +21,8 @@ from ._maps import decoded, disparity, heif_disparity, one_channel, reversed_map
 from ._packages import load_heif, load_pillow
 from ._shot import Photo
 
+# What decoders of others raise where a file is damaged.
+_DAMAGE = (OSError, ValueError, RuntimeError, EOFError, SyntaxError)
 # Brands of the container that HEIC and AVIF share.
 _HEIF_BRANDS = {b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1"}
 _AVIF_BRANDS = {b"avif", b"avis"}
@@ -169,7 +171,7 @@ def _read_avif(path: StrPath) -> tuple[Photo, int]:
             orientation = int(file.getexif().get(ORIENTATION, 1))
             has_alpha = file.mode in ("RGBA", "LA")
             pixels = np.array(file)
-    except (OSError, ValueError, RuntimeError, EOFError, SyntaxError) as error:
+    except _DAMAGE as error:
         if isinstance(error, OSError) and error.errno is not None:
             raise
         raise ValueError(f"{path}: damaged file: {error}") from error
@@ -184,12 +186,14 @@ def _read_heif(path: StrPath) -> tuple[Photo, int]:
     length = Path(path).stat().st_size
     try:
         container = heif.open_heif(path, convert_hdr_to_8bit=False, bgr_mode=False)
+        if len(container) == 0:
+            raise ValueError("there is no picture in it")
         _check_claim(container.size, length)
         pixels = np.array(container)
         depths = container.info.get("depth_images") or []
         depth = heif_disparity(path, depths[0]) if depths else None
         gains = _gain_map.of_heif(path, container, container.info.get("exif"))
-    except (OSError, ValueError, RuntimeError, EOFError, SyntaxError) as error:
+    except _DAMAGE as error:
         if isinstance(error, OSError) and error.errno is not None:
             raise
         raise ValueError(f"{path}: damaged file: {error}") from error

@@ -16,7 +16,9 @@ from dofsim._drawing import SHARP_RADIUS_PX, codes
 Overlay = Literal["picture", "coc", "outline"]
 OVERLAYS: tuple[Overlay, ...] = ("picture", "coc", "outline")
 
-PREVIEW_PX = 512
+# The longest side of what is shown while something is dragged, and else: about that of the widest page. A PNG
+# of 24 million pixels would be tens of megabytes for the browser to decode.
+PREVIEW_PX, SHOWN_PX = 512, 2048
 
 # How much of the picture a far-off colour hides.
 _OPACITY = 0.78
@@ -60,13 +62,14 @@ class Look:
         depth_words: dict[str, Any],
     ) -> Look:
         """Prepare linear colour (..., H, W, C) and depth (..., H, W), reduced by a whole factor."""
-        color, depth = _mean_of_blocks(color, reduced), _middle_of_blocks(depth, reduced)
+        if reduced > 1:
+            color, depth = _mean_of_blocks(color, reduced), _middle_of_blocks(depth, reduced)
         scene = dofsim.Scene(
             color, depth, alpha=alpha, device=device, invalid_color=invalid_color, **depth_words
         )
         # Where the scene has filled a pixel, there was nothing to be seen.
         given = np.where(np.isfinite(color), color, 0.0) if scene.filled_pixels else color
-        return cls(scene, _flat(given), _seen(given, depth), reduced, depth_words)
+        return cls(scene, _flat(given), seen(given, depth), reduced, depth_words)
 
     def _lens(self, lens: dofsim.Lens) -> dofsim.Lens:
         """Give the lens for pixels of this size: only strengths are counted in them."""
@@ -93,9 +96,9 @@ class Look:
         return encode_png(_colored(radius) if kind == "coc" else _outlined(radius))
 
 
-def reduction(shape: tuple[int, ...]) -> int:
-    """Give the factor that makes a picture at most `PREVIEW_PX` wide and high."""
-    return -(-max(shape[-2:]) // PREVIEW_PX)
+def reduction(shape: tuple[int, ...], longest_px: int) -> int:
+    """Give the factor that makes a picture at most so wide and high."""
+    return -(-max(shape[-2:]) // longest_px)
 
 
 def png(linear: NDArray[np.float32], *, exposure: float) -> bytes:
@@ -150,7 +153,7 @@ def _flat(color: NDArray[Any]) -> NDArray[np.float32]:
     return np.ascontiguousarray(np.broadcast_to(color, (*color.shape[:2], 3)), dtype=np.float32)
 
 
-def _seen(color: NDArray[np.float32], depth: NDArray[Any]) -> NDArray[Any]:
+def seen(color: NDArray[np.float32], depth: NDArray[Any]) -> NDArray[Any]:
     """Give the depth of the nearest layer that mostly covers a pixel; of the farthest where none does."""
     if depth.ndim == 2:
         return depth

@@ -17,7 +17,7 @@ from dofsim import io
 from dofsim._blur import in_focus
 from dofsim._relative import range_of
 
-from ._look import OVERLAYS, Look, png, reduction
+from ._look import OVERLAYS, PREVIEW_PX, SHOWN_PX, Look, png, reduction, seen
 
 __all__ = ["FocusPicker"]
 
@@ -33,7 +33,8 @@ class FocusPicker(anywidget.AnyWidget):  # type: ignore[misc, unused-ignore]
     A click or a drag on the picture focuses there; so do the arrow keys. Sliders open the lens, count its
     blades and expose the picture; the blur of every pixel can be laid over it as colour (near red, far blue,
     in focus clear), or the sharp zone as an outline; and a wipe shows the pinhole picture beside it. While
-    something is dragged the picture is reduced to at most 512 pixels; then it is rendered at its own size.
+    something is dragged the picture is reduced to at most 512 pixels; then it is shown with at most 2048, and
+    `render` gives it at its own size.
 
     Parameters
     ----------
@@ -127,10 +128,8 @@ class FocusPicker(anywidget.AnyWidget):  # type: ignore[misc, unused-ignore]
         self._device, self._invalid_color = device, invalid_color
         self._options = {"max_coc_px": max_coc_px, **options}
         self._first_lens, self._first_aperture = lens, aperture or dofsim.Aperture()
-        self._reduced = reduction(self._depth.shape)
         # What is wrong with the arguments is said here rather than at the first click.
-        first = self._whole if self._reduced == 1 else self._preview
-        first.picture(lens, self._first_aperture, **self._options)
+        self._preview.picture(lens, self._first_aperture, **self._options)
 
         height, width = self._depth.shape[-2:]
         blades = self._first_aperture.blades
@@ -155,12 +154,18 @@ class FocusPicker(anywidget.AnyWidget):  # type: ignore[misc, unused-ignore]
         self.observe(self._answer, names="_request")
 
     @cached_property
-    def _whole(self) -> Look:
-        return self._look(1)
+    def _preview(self) -> Look:
+        reduced = reduction(self._depth.shape, PREVIEW_PX)
+        return self._shown if reduced == 1 else self._look(reduced)
 
     @cached_property
-    def _preview(self) -> Look:
-        return self._look(self._reduced)
+    def _shown(self) -> Look:
+        return self._look(reduction(self._depth.shape, SHOWN_PX))
+
+    @cached_property
+    def _seen_depth(self) -> NDArray[Any]:
+        """The depth that is seen at the picture's own size, on which a click focuses."""
+        return seen(self._color, self._depth)
 
     def _look(self, reduced: int) -> Look:
         return Look.at(
@@ -200,7 +205,8 @@ class FocusPicker(anywidget.AnyWidget):  # type: ignore[misc, unused-ignore]
         ndarray of float32
             Shape (H, W, 3), linear light.
         """
-        return self._whole.picture(self.lens, self.aperture, **self._options)
+        look = self._shown if self._shown.reduced == 1 else self._look(1)
+        return look.picture(self.lens, self.aperture, **self._options)
 
     def _answer(self, _: Any) -> None:
         """Make the frame that was asked for last."""
@@ -211,7 +217,7 @@ class FocusPicker(anywidget.AnyWidget):  # type: ignore[misc, unused-ignore]
         except (IndexError, ValueError) as error:
             problem = str(error)
         self.set_trait("aperture", self._aperture_for(request))
-        look = self._preview if request["dragging"] else self._whole
+        look = self._preview if request["dragging"] else self._shown
         picture = look.picture(self.lens, self.aperture, **self._options)
         exposure = request["exposure"]
         readout = self._readout()
@@ -236,7 +242,7 @@ class FocusPicker(anywidget.AnyWidget):  # type: ignore[misc, unused-ignore]
         words: dict[str, Any] = {
             key: self._words[key] for key in ("depth_kind", "near", "far", "depth_range")
         }
-        return lens.focused_at(self._whole.depth, int(x), int(y), **words)
+        return lens.focused_at(self._seen_depth, int(x), int(y), **words)
 
     def _aperture_for(self, request: dict[str, Any]) -> dofsim.Aperture:
         blades = 0 if request["blades"] <= _ROUND else int(request["blades"])
