@@ -187,13 +187,15 @@ def test_a_scene_has_its_depth():
     np.testing.assert_array_equal(dofsim.Scene(np.ones((2, 8, 8, 4), np.float32), z).depth, z)
 
 
-def test_coverage_that_is_known_is_that_of_the_edge():
-    """An edge through a third of a pixel whose colours say nothing, for they are those of noise."""
-    edge = 104 + 1 / 3
-    soft = np.interp(X, [edge - 3.5, edge + 2.5], [1.0, 0.25])
-    _, coverage = refined(soft, return_coverage=True)
-    inside = coverage[40:-40, 103:106].mean(0)
-    np.testing.assert_allclose(inside, [0.5 + edge - 0.5 - 103, edge - 0.5 + 0.5 - 104, 0.0], atol=0.12)
+def test_coverage_is_that_of_an_edge_within_a_pixel():
+    """An edge a third into a pixel, of which the picture shows nothing."""
+    edge = 103.5 + 1 / 3
+    soft = np.interp(X, [edge - 3.0, edge + 3.0], [1.0, 0.25]).astype(np.float32)
+    even = np.full((HEIGHT, WIDTH, 3), 0.5, np.float32)
+    _, coverage = dofsim.refine_depth(even, soft, depth_kind="disparity", return_coverage=True)
+    np.testing.assert_allclose(coverage[40:-40, 103:106].mean(0), [1.0, 1 / 3, 0.0], atol=0.02)
+    assert (coverage[:, :95] == 1.0).all()
+    assert (coverage[:, 115:] == 1.0).all()
 
 
 def test_colours_that_are_none_can_be_filled():
