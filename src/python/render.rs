@@ -64,7 +64,8 @@ use std::time::Instant;
 ///     is added to it. Without it ``"lens"`` refuses radii of more than 2048 pixels, and some methods have a bound of
 ///     their own; see the notes.
 /// refine : bool, optional
-///     Whether to refine the depth first, as `refine_depth` does; it may then be smaller or larger than the picture.
+///     Whether to refine the depth first, as `refine_depth` does; it may then be smaller or larger than the picture. What is
+///     found of the coverage of edges helps to take their pixels apart.
 /// threads : int, optional
 ///     Worker threads; one per processor by default. The result does not depend on it.
 /// out : ndarray, optional
