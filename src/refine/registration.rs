@@ -144,6 +144,13 @@ impl Patch {
     }
 }
 
+/// The axis along which a pixel and its neighbour differ.
+#[derive(Clone, Copy)]
+enum Axis {
+    Across,
+    Down,
+}
+
 /// Edges of depth all over the picture.
 fn edges(depth: &Plane, range: f32) -> Vec<Edge> {
     if depth.width <= 2 * MARGIN || depth.height <= 2 * MARGIN {
@@ -153,26 +160,26 @@ fn edges(depth: &Plane, range: f32) -> Vec<Edge> {
         let share = step.abs() / range;
         fade(share, LEAST_CONTRAST, 2.0 * LEAST_CONTRAST) * share.min(STRONG)
     };
-    let found: Vec<(usize, usize, bool)> = (MARGIN..depth.height - MARGIN)
+    let found: Vec<(usize, usize, Axis)> = (MARGIN..depth.height - MARGIN)
         .into_par_iter()
         .flat_map_iter(|y| {
             let (row, below) = (depth.row(y as isize), depth.row(y as isize + 1));
             (MARGIN..depth.width - MARGIN).flat_map(move |x| {
-                let across = (weight(row[x + 1] - row[x]) > 0.0).then_some((x, y, true));
-                let down = (weight(below[x] - row[x]) > 0.0).then_some((x, y, false));
+                let across = (weight(row[x + 1] - row[x]) > 0.0).then_some((x, y, Axis::Across));
+                let down = (weight(below[x] - row[x]) > 0.0).then_some((x, y, Axis::Down));
                 across.into_iter().chain(down)
             })
         })
         .collect();
     let step = found.len().div_ceil(EDGES).max(1);
-    let edge = |&(x, y, is_across): &(usize, usize, bool)| {
+    let edge = |&(x, y, axis): &(usize, usize, Axis)| {
         let (x, y) = (x as isize, y as isize);
         let slope = smooth_slope(depth, x, y);
         let steep = (slope[0] * slope[0] + slope[1] * slope[1]).sqrt().max(f32::MIN_POSITIVE);
         let normal = slope.map(|v| v / steep);
-        let (beside, along, offset) = match is_across {
-            true => (depth.at(x + 1, y), normal[0], [0.5, 0.0]),
-            false => (depth.at(x, y + 1), normal[1], [0.0, 0.5]),
+        let (beside, along, offset) = match axis {
+            Axis::Across => (depth.at(x + 1, y), normal[0], [0.5, 0.0]),
+            Axis::Down => (depth.at(x, y + 1), normal[1], [0.0, 0.5]),
         };
         let place = [x as f32 + offset[0], y as f32 + offset[1]];
         Edge { place, normal, weight: weight(beside - depth.at(x, y)) * along.abs() }
