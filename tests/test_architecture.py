@@ -13,7 +13,7 @@ STOREYS = [
     {"picture", "rows"},
     {"color", "depth", "optics", "aperture", "files", "refine", "clipped", "matte"},
     {"scene"},
-    {"plan"},
+    {"plan", "views"},
     {"method"},
     {"cpu", "gpu"},
     {"device"},
