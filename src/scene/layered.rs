@@ -128,7 +128,7 @@ impl LayeredScene {
 /// disparity.
 pub fn build(picture: &Picture, lights: usize, k: f64, simd: Simd, cancel: &Cancel) -> Result<LayeredScene> {
     match picture.layers.as_slice() {
-        [layer] => from_picture(picture.size, lights, layer, Vec::new(), k, simd, cancel),
+        [layer] => from_one_layer(picture.size, lights, layer, k, simd, cancel),
         layers => from_layers(picture.size, lights, layers, k, simd, cancel),
     }
 }
@@ -137,16 +137,14 @@ fn scaled(disparity: &[f32], k: f64) -> Buffer<f32> {
     Buffer::of_each(disparity, |d| (k * f64::from(*d)) as f32)
 }
 
-/// The layers of a picture and of what is known behind it: edges are unmixed, and the disocclusions behind them are
-/// inpainted where they are not known.
+/// The layers of a picture of one layer: edges are unmixed, and the disocclusions behind them are inpainted.
 ///
 /// Coverage, if the picture has it, is a channel that is carried along: a transparent pixel is a surface at infinity
 /// that happens to have no colour.
-fn from_picture(
+fn from_one_layer(
     size: Size,
     lights: usize,
     layer: &Layer,
-    mut behind: Vec<SceneLayer>,
     k: f64,
     simd: Simd,
     cancel: &Cancel,
@@ -155,7 +153,7 @@ fn from_picture(
     let connectivity = edges::connectivity(&s, size.width, size.height);
     let colors = Colors::new(size, Arc::clone(&layer.color));
     let frame = FrontLayer { size, lights, color: &layer.color, s: &s, connectivity: &connectivity };
-    let mixed = unmix(&frame, &|index, s| known_color(&behind, index, s), cancel)?;
+    let mixed = unmix(&frame, cancel)?;
     if mixed.is_empty() {
         let front = SceneLayer {
             s: Arc::new(s),
@@ -163,82 +161,28 @@ fn from_picture(
             partial: Arc::default(),
             connectivity: Arc::new(connectivity),
         };
-        behind.insert(0, front);
-        return Ok(LayeredScene::new(size, behind, true, simd));
+        return Ok(LayeredScene::new(size, vec![front], true, simd));
     }
     let partial = half_planes(&frame, &mixed);
-    let last: Vec<f32> = (0..s.len()).into_par_iter().map(|i| last_of(&behind, i).unwrap_or(s[i])).collect();
-    let mut hidden = inpaint::hidden(&frame, &last, &mixed, cancel)?;
-    hidden.retain(|h| last_of(&behind, h.index).is_none_or(|last| h.s <= last - CONNECTED_PX));
+    let hidden = inpaint::hidden(&frame, &s, &mixed, cancel)?;
 
     // A mixed pixel has both surfaces. If its coverage turns out to be zero, it belongs to the surface behind alone.
-    let (both, uncovered): (Vec<MixedPixel>, Vec<MixedPixel>) =
-        mixed.iter().partition(|m| m.coverage > 0.0);
+    let (both, behind): (Vec<MixedPixel>, Vec<MixedPixel>) = mixed.iter().partition(|m| m.coverage > 0.0);
     let own = |index: usize, color: [f32; 4]| CellColor { index, color };
     let front_colors = both.iter().map(|m| own(m.index, m.front));
-    let front_colors = front_colors.chain(uncovered.iter().map(|m| own(m.index, m.back))).collect();
-    let hidden = hidden.iter().map(|h| (h.index, h.s, h.color));
-    let back: Vec<_> = sorted_in(&mut behind, &both).into_iter().chain(hidden).collect();
+    let front_colors = front_colors.chain(behind.iter().map(|m| own(m.index, m.back))).collect();
+    let back = both.iter().map(|m| (m.index, m.s_back, m.back));
+    let back = layer_of_cells(size, back.chain(hidden.iter().map(|h| (h.index, h.s, h.color))));
 
     both.iter().for_each(|m| s[m.index] = m.s_front);
-    uncovered.iter().for_each(|m| s[m.index] = m.s_back);
+    behind.iter().for_each(|m| s[m.index] = m.s_back);
     let front = SceneLayer {
         s: Arc::new(s),
         colors: colors.with(front_colors),
         partial: Arc::new(partial),
         connectivity: Arc::new(connectivity),
     };
-    behind.insert(0, front);
-    if !back.is_empty() {
-        behind.push(layer_of_cells(size, back.into_iter()));
-    }
-    Ok(LayeredScene::new(size, behind, true, simd))
-}
-
-/// The colour of a whole cell that is known behind a pixel, on the surface at shift `s`.
-fn known_color(behind: &[SceneLayer], index: usize, s: f32) -> Option<[f32; 4]> {
-    let layer = behind.iter().find(|layer| (layer.s[index] - s).abs() < SAME_SURFACE_PX)?;
-    let color = layer.colors.at(index);
-    (!layer.covers_partly(index)).then_some(color)
-}
-
-/// The shift of the last whole cell that is known behind a pixel.
-fn last_of(behind: &[SceneLayer], index: usize) -> Option<f32> {
-    let whole = behind.iter().rev().filter(|layer| !layer.s[index].is_nan());
-    whole.filter(|layer| !layer.covers_partly(index)).map(|layer| layer.s[index]).next()
-}
-
-/// Puts the surfaces behind mixed pixels into the layers behind, in the order of depth, where those do not have them.
-/// Returns the cells for which there was no room: of each pixel the last one.
-fn sorted_in(behind: &mut [SceneLayer], mixed: &[MixedPixel]) -> Vec<(usize, f32, [f32; 4])> {
-    let mut left = Vec::new();
-    let mut colors = vec![Vec::new(); behind.len()];
-    let mut shifts: Vec<Buffer<f32>> = behind.iter().map(|layer| Buffer::clone(&layer.s)).collect();
-    for m in mixed {
-        let is_known = |layer: &SceneLayer| (layer.s[m.index] - m.s_back).abs() < SAME_SURFACE_PX;
-        if behind.iter().any(is_known) {
-            continue;
-        }
-        let nearer = behind.iter().rposition(|layer| layer.s[m.index] > m.s_back);
-        let first = nearer.map_or(0, |layer| layer + 1);
-        let mut cell = Some((m.s_back, m.back));
-        // Cells that cover their pixel in part keep their place.
-        if !behind[first..].iter().any(|layer| layer.covers_partly(m.index)) {
-            for layer in first..behind.len() {
-                let Some((s, color)) = cell else { break };
-                let old = behind[layer].s[m.index];
-                cell = (!old.is_nan()).then(|| (old, behind[layer].colors.at(m.index)));
-                shifts[layer][m.index] = s;
-                colors[layer].push(CellColor { index: m.index, color });
-            }
-        }
-        left.extend(cell.map(|(s, color)| (m.index, s, color)));
-    }
-    for ((layer, shifts), colors) in behind.iter_mut().zip(shifts).zip(colors) {
-        layer.s = Arc::new(shifts);
-        layer.colors = layer.colors.with(colors);
-    }
-    left
+    Ok(LayeredScene::new(size, vec![front, back], true, simd))
 }
 
 /// The layer that has only these cells: the pixel, the shift and the colour of each.
@@ -291,7 +235,7 @@ fn half_planes(frame: &FrontLayer, mixed: &[MixedPixel]) -> Vec<(usize, HalfPlan
 }
 
 /// Layers given by the user: coverage is alpha, and colours are each surface's own. What all of them hide is inpainted
-/// in one more layer. The first one may be a picture, whose pixels at edges have the colours of two surfaces.
+/// in one more layer.
 fn from_layers(
     size: Size,
     lights: usize,
@@ -302,16 +246,34 @@ fn from_layers(
 ) -> Result<LayeredScene> {
     let n = size.pixels();
     let alpha = size.channels - 1;
-    let build = |layer: &Layer| {
-        cancel.check()?;
-        Ok(given_layer(size, layer, k, simd))
-    };
-    // A first layer without gaps is a picture: its pixels at edges mix two surfaces.
-    if layers[0].color[alpha * n..].iter().all(|a| *a >= 1.0) {
-        let behind = layers[1..].iter().map(build).collect::<Result<Vec<_>>>()?;
-        return from_picture(size, lights, &layers[0], behind, k, simd, cancel);
-    }
-    let mut built = layers.iter().map(build).collect::<Result<Vec<_>>>()?;
+    let mut built = layers
+        .iter()
+        .map(|layer| {
+            cancel.check()?;
+            let coverage = &layer.color[alpha * n..];
+            let mut known = scaled(&layer.disparity, k);
+            let mut s = known.clone();
+            s.iter_mut().zip(coverage).filter(|(_, a)| **a <= 0.0).for_each(|(s, _)| *s = f32::NAN);
+            let s = without_noise(s, size, simd);
+            // Where there is no cell, the depth that is given for it tells whether a surface ends.
+            known.iter_mut().zip(&*s).filter(|(_, s)| !s.is_nan()).for_each(|(known, s)| *known = *s);
+            let connectivity = edges::connectivity(&known, size.width, size.height);
+            let mut color = Buffer::clone(&layer.color);
+            color.par_chunks_mut(n).for_each(|plane| {
+                for (c, &a) in plane.iter_mut().zip(coverage) {
+                    *c = if a > 0.0 { *c / a } else { 0.0 };
+                }
+            });
+            let partial = layer_half_planes(size, coverage);
+            let colors = Colors::new(size, Arc::new(color));
+            Ok(SceneLayer {
+                s: Arc::new(s),
+                colors,
+                partial: Arc::new(partial),
+                connectivity: Arc::new(connectivity),
+            })
+        })
+        .collect::<Result<Vec<_>>>()?;
     let covered = |i: usize| layers.iter().any(|l| l.color[alpha * n + i] >= 1.0);
     let opaque = (0..n).into_par_iter().all(covered);
     let hidden = hidden_by_all(size, lights, layers, &built, cancel)?;
@@ -319,31 +281,6 @@ fn from_layers(
         built.push(layer_of_cells(size, hidden.iter().map(|h| (h.index, h.s, h.color))));
     }
     Ok(LayeredScene::new(size, built, opaque, simd))
-}
-
-/// A layer as the user gave it.
-fn given_layer(size: Size, layer: &Layer, k: f64, simd: Simd) -> SceneLayer {
-    let n = size.pixels();
-    let coverage = &layer.color[(size.channels - 1) * n..];
-    let mut known = scaled(&layer.disparity, k);
-    let mut s = known.clone();
-    s.iter_mut().zip(coverage).filter(|(_, a)| **a <= 0.0).for_each(|(s, _)| *s = f32::NAN);
-    let s = without_noise(s, size, simd);
-    // Where there is no cell, the depth that is given for it tells whether a surface ends.
-    known.iter_mut().zip(&*s).filter(|(_, s)| !s.is_nan()).for_each(|(known, s)| *known = *s);
-    let connectivity = edges::connectivity(&known, size.width, size.height);
-    let mut color = Buffer::clone(&layer.color);
-    color.par_chunks_mut(n).for_each(|plane| {
-        for (c, &a) in plane.iter_mut().zip(coverage) {
-            *c = if a > 0.0 { *c / a } else { 0.0 };
-        }
-    });
-    SceneLayer {
-        s: Arc::new(s),
-        colors: Colors::new(size, Arc::new(color)),
-        partial: Arc::new(layer_half_planes(size, coverage)),
-        connectivity: Arc::new(connectivity),
-    }
 }
 
 /// What is hidden behind the last surface of each pixel: what the pinhole sees around it continues there, as behind a

@@ -138,11 +138,8 @@ fn extreme_color(
         .map(|(_, color)| color)
 }
 
-/// The colour that is known of the surface behind a pixel at some shift.
-pub type KnownColor<'a> = dyn Fn(usize, f32) -> Option<[f32; 4]> + Sync + 'a;
-
 /// Separates one edge pixel; `None` if no pure colour is known of either surface.
-fn unmix_pixel(frame: &FrontLayer, known: &KnownColor, x: usize, y: usize) -> Option<MixedPixel> {
+fn unmix_pixel(frame: &FrontLayer, x: usize, y: usize) -> Option<MixedPixel> {
     let index = y * frame.size.width + x;
     let around = || {
         let offsets = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy)));
@@ -155,9 +152,7 @@ fn unmix_pixel(frame: &FrontLayer, known: &KnownColor, x: usize, y: usize) -> Op
     }
 
     let strength = edges::strength(frame.s, frame.size.width, frame.size.height, x, y);
-    let known = known(index, s_back).map(|color| (color, 0.0));
-    let (front, back) =
-        (pure_color(frame, x, y, s_front), known.or_else(|| pure_color(frame, x, y, s_back)));
+    let (front, back) = (pure_color(frame, x, y, s_front), pure_color(frame, x, y, s_back));
     let ((front, front_variance), (back, back_variance)) = match (front, back) {
         (Some(front), Some(back)) => (front, back),
         // The variance of a guessed colour is unknown; it is taken to be that of the other colour.
@@ -315,13 +310,13 @@ impl Pixel<'_> {
     }
 }
 
-/// All edge pixels that could be separated, in scan order. What is known of a surface behind need not be guessed.
-pub fn unmix(frame: &FrontLayer, known: &KnownColor, cancel: &Cancel) -> Result<Vec<MixedPixel>> {
+/// All edge pixels that could be separated, in scan order.
+pub fn unmix(frame: &FrontLayer, cancel: &Cancel) -> Result<Vec<MixedPixel>> {
     let row = |y: usize| {
         cancel.check()?;
         let edges =
             (0..frame.size.width).filter(|x| frame.connectivity[y * frame.size.width + x] & EDGE != 0);
-        Ok(edges.filter_map(|x| unmix_pixel(frame, known, x, y)).collect::<Vec<_>>())
+        Ok(edges.filter_map(|x| unmix_pixel(frame, x, y)).collect::<Vec<_>>())
     };
     let rows = (0..frame.size.height)
         .into_par_iter()
@@ -352,7 +347,6 @@ mod tests {
         let connectivity = super::super::edges::connectivity(&s, w, h);
         let mixed = unmix(
             &FrontLayer { size, lights: 1, color: &color, s: &s, connectivity: &connectivity },
-            &|_, _| None,
             &Cancel::default(),
         )
         .unwrap();
@@ -375,7 +369,7 @@ mod tests {
         let s: Vec<f32> = (0..w * h).map(|i| if i % w < 5 { 8.0 } else { 0.0 }).collect();
         let connectivity = super::super::edges::connectivity(&s, w, h);
         let frame = FrontLayer { size, lights: 1, color: &color, s: &s, connectivity: &connectivity };
-        unmix(&frame, &|_, _| None, &Cancel::default()).unwrap()
+        unmix(&frame, &Cancel::default()).unwrap()
     }
 
     #[test]
