@@ -19,6 +19,7 @@ from dofsim._dofsim import (
     sensors,
 )
 from dofsim._focus import focus_pull
+from dofsim.cameras import Camera
 
 if TYPE_CHECKING:
     from dofsim.picker import FocusPicker as FocusPicker
@@ -29,6 +30,7 @@ SENSORS: dict[str, tuple[float, float]] = {name: (width, height) for name, width
 __all__ = [
     "SENSORS",
     "Aperture",
+    "Camera",
     "Device",
     "DeviceError",
     "Lens",

@@ -138,8 +138,14 @@ fn extreme_color(
         .map(|(_, color)| color)
 }
 
-/// Separates one edge pixel; `None` if no pure colour is known of either surface.
-fn unmix_pixel(frame: &FrontLayer, x: usize, y: usize) -> Option<MixedPixel> {
+/// How many times one of two colours outshines the other.
+fn contrast(frame: &FrontLayer, a: [f32; 4], b: [f32; 4]) -> f32 {
+    let (a, b) = (frame.norm2(a).sqrt(), frame.norm2(b).sqrt());
+    a.max(b) / a.min(b).max(f32::MIN_POSITIVE)
+}
+
+/// Separates one edge pixel; `None` if no pure colour is known of either surface, or none outshines the other enough.
+fn unmix_pixel(frame: &FrontLayer, least_contrast: f32, x: usize, y: usize) -> Option<MixedPixel> {
     let index = y * frame.size.width + x;
     let around = || {
         let offsets = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy)));
@@ -160,6 +166,15 @@ fn unmix_pixel(frame: &FrontLayer, x: usize, y: usize) -> Option<MixedPixel> {
         (Some(front), None) => (front, (extreme_color(frame, x, y, s_back, front.0)?, front.1)),
         (None, None) => return None,
     };
+    let strength = if least_contrast > 0.0 {
+        // From half of it on, the pixel begins to be two.
+        strength * (2.0 * contrast(frame, front, back) / least_contrast - 1.0).clamp(0.0, 1.0)
+    } else {
+        strength
+    };
+    if strength <= 0.0 {
+        return None;
+    }
 
     // The coverage as depth alone suggests it: the [1 2 1]^2 average of "in front".
     let middle = 0.5 * (s_front + s_back);
@@ -310,13 +325,14 @@ impl Pixel<'_> {
     }
 }
 
-/// All edge pixels that could be separated, in scan order.
-pub fn unmix(frame: &FrontLayer, cancel: &Cancel) -> Result<Vec<MixedPixel>> {
+/// All edge pixels that could be separated, in scan order: those where one surface is `least_contrast` times as bright as
+/// the other, or all for 0.
+pub fn unmix(frame: &FrontLayer, least_contrast: f32, cancel: &Cancel) -> Result<Vec<MixedPixel>> {
     let row = |y: usize| {
         cancel.check()?;
         let edges =
             (0..frame.size.width).filter(|x| frame.connectivity[y * frame.size.width + x] & EDGE != 0);
-        Ok(edges.filter_map(|x| unmix_pixel(frame, x, y)).collect::<Vec<_>>())
+        Ok(edges.filter_map(|x| unmix_pixel(frame, least_contrast, x, y)).collect::<Vec<_>>())
     };
     let rows = (0..frame.size.height)
         .into_par_iter()
@@ -347,6 +363,7 @@ mod tests {
         let connectivity = super::super::edges::connectivity(&s, w, h);
         let mixed = unmix(
             &FrontLayer { size, lights: 1, color: &color, s: &s, connectivity: &connectivity },
+            0.0,
             &Cancel::default(),
         )
         .unwrap();
@@ -369,7 +386,7 @@ mod tests {
         let s: Vec<f32> = (0..w * h).map(|i| if i % w < 5 { 8.0 } else { 0.0 }).collect();
         let connectivity = super::super::edges::connectivity(&s, w, h);
         let frame = FrontLayer { size, lights: 1, color: &color, s: &s, connectivity: &connectivity };
-        unmix(&frame, &Cancel::default()).unwrap()
+        unmix(&frame, 0.0, &Cancel::default()).unwrap()
     }
 
     #[test]
