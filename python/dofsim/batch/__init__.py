@@ -13,9 +13,21 @@
 It guards against the death of processes, not of the machine: files are not forced out to the disk one by one.
 """
 
-from .frames import OUTPUTS, Frame, Result
+from .frames import OUTPUTS, Frame, Neighbour, Result
 from .manifest import Row, read_manifest
+from .neighbours import with_neighbours
 from .pairs import Pairing, pair_files
 from .pipeline import map_frames
 
-__all__ = ["OUTPUTS", "Frame", "Pairing", "Result", "Row", "map_frames", "pair_files", "read_manifest"]
+__all__ = [
+    "OUTPUTS",
+    "Frame",
+    "Neighbour",
+    "Pairing",
+    "Result",
+    "Row",
+    "map_frames",
+    "pair_files",
+    "read_manifest",
+    "with_neighbours",
+]
