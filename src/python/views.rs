@@ -1,7 +1,7 @@
 //! `dofsim.layers_from_views`.
 
 use super::argument;
-use super::color::{ColorFormat, ColorShape, color_shape, read_format, read_layer_color};
+use super::color::{ColorFormat, color_shape, read_format, read_layer_color};
 use super::depth::{DepthArguments, DepthPlanes, read_depth, read_depth_arguments, read_invalid};
 use super::errors::shown;
 use super::invalid_color::read_invalid_color;
@@ -136,10 +136,16 @@ pub fn layers_from_views<'py>(
             count - 1
         )));
     }
-    let (poses, intrinsics) = (matrices("poses", poses, 4, count)?, matrices("intrinsics", intrinsics, 3, count)?);
+    let (poses, intrinsics) =
+        (matrices("poses", poses, 4, count)?, matrices("intrinsics", intrinsics, 3, count)?);
 
     let mut frames: Vec<(Buffer<f32>, DepthPlanes, Camera)> = Vec::with_capacity(count);
-    let mut first: Option<(ColorShape, ColorFormat)> = None;
+    let (size, format) = {
+        let array = array("color", &colors[0]).map_err(|error| of_item(py, error, 0))?;
+        let shape = color_shape(array.shape()).map_err(|error| of_item(py, error, 0))?;
+        let format = read_format(&array, &shape, alpha, transfer).map_err(|error| of_item(py, error, 0))?;
+        (shape.size, format)
+    };
     for (i, (color, depth)) in colors.iter().zip(&depths).enumerate() {
         let named = |error: PyErr| of_item(py, error, i);
         let array = array("color", color).map_err(named)?;
@@ -150,23 +156,16 @@ pub fn layers_from_views<'py>(
                 array.shape()
             )));
         }
-        let format = read_format(&array, &shape, alpha, transfer).map_err(named)?;
-        let (size, format) = match &first {
-            None => {
-                let found = first.insert((shape, format));
-                (found.0.size, found.1)
-            }
-            Some((own, format)) if own.size == shape.size => (own.size, *format),
-            Some((own, _)) => {
-                return Err(PyValueError::new_err(format!(
-                    "colors must all have the size of the first one, {}; colors[{i}] has {}",
-                    sized(own.size),
-                    sized(shape.size)
-                )));
-            }
-        };
-        let (planes, _, filled) =
-            read_layer_color(&array, &color_shape(array.shape())?, 0, &format, invalid_color).map_err(named)?;
+        if shape.size != size {
+            return Err(PyValueError::new_err(format!(
+                "colors must all have the size of the first one, {}; colors[{i}] has {}",
+                sized(size),
+                sized(shape.size)
+            )));
+        }
+        // Each picture may have samples of its own type.
+        let own = read_format(&array, &shape, alpha, transfer).map_err(named)?;
+        let (planes, _, filled) = read_layer_color(&array, &shape, 0, &own, invalid_color).map_err(named)?;
         if let Some(filled) = filled {
             filled.warn(py, size)?;
         }
@@ -180,8 +179,6 @@ pub fn layers_from_views<'py>(
         let camera = camera(&poses[16 * i..][..16], &intrinsics[9 * i..][..9], i, count)?;
         frames.push((planes, depth, camera));
     }
-    let Some((shape, format)) = first else { unreachable!("there is a first picture") };
-    let size = shape.size;
     let lens_k = lens.map(|lens| lens_strength(lens, size, overscan, supersample)).transpose()?;
 
     let given_z = frames[reference].1.planes[0].clone();
@@ -208,7 +205,10 @@ pub fn layers_from_views<'py>(
 fn items<'py>(name: &str, values: &Bound<'py, PyAny>) -> PyResult<Vec<Bound<'py, PyAny>>> {
     let items = values.try_iter().and_then(|items| items.collect::<PyResult<_>>());
     items.map_err(|_| {
-        PyTypeError::new_err(format!("{name} must be an array or a sequence of arrays; got {}", values.get_type()))
+        PyTypeError::new_err(format!(
+            "{name} must be an array or a sequence of arrays; got {}",
+            values.get_type()
+        ))
     })
 }
 
@@ -221,7 +221,11 @@ fn of_item(py: Python<'_>, error: PyErr, number: usize) -> PyErr {
         }
         _ => format!("colors[{number}]: {text}"),
     };
-    if error.is_instance_of::<PyTypeError>(py) { PyTypeError::new_err(text) } else { PyValueError::new_err(text) }
+    if error.is_instance_of::<PyTypeError>(py) {
+        PyTypeError::new_err(text)
+    } else {
+        PyValueError::new_err(text)
+    }
 }
 
 fn sized(size: Size) -> String {
@@ -231,11 +235,11 @@ fn sized(size: Size) -> String {
 /// As many square matrices as there are pictures, one after another. A single one of `intrinsics` is that of all.
 fn matrices(name: &str, given: &Bound<'_, PyAny>, side: usize, count: usize) -> PyResult<Vec<f64>> {
     let numpy = given.py().import("numpy")?;
-    let array = numpy.call_method1("asarray", (given, "float64")).and_then(|array| {
-        Ok(array.extract::<PyReadonlyArrayDyn<'_, f64>>()?)
-    });
-    let array = array
-        .map_err(|_| PyTypeError::new_err(format!("{name} must be numbers; got {}", shown(given))))?;
+    let array = numpy
+        .call_method1("asarray", (given, "float64"))
+        .and_then(|array| Ok(array.extract::<PyReadonlyArrayDyn<'_, f64>>()?));
+    let array =
+        array.map_err(|_| PyTypeError::new_err(format!("{name} must be numbers; got {}", shown(given))))?;
     let values: Vec<f64> = array.as_array().iter().copied().collect();
     let values = match *array.shape() {
         [n, rows, columns] if (n, rows, columns) == (count, side, side) => values,
@@ -306,7 +310,9 @@ fn camera(pose: &[f64], intrinsics: &[f64], i: usize, count: usize) -> PyResult<
 /// Pixels of blur to a unit of disparity, through a lens of a metric scene.
 fn lens_strength(lens: &PyLens, size: Size, overscan: usize, supersample: usize) -> PyResult<f64> {
     if matches!(lens.core.base, Base::Relative { .. }) {
-        return Err(PyValueError::new_err("lens must be metric, as poses are; got one made by Lens.from_disparity"));
+        return Err(PyValueError::new_err(
+            "lens must be metric, as poses are; got one made by Lens.from_disparity",
+        ));
     }
     Ok(OutputGrid::new(size, overscan, supersample)?.geometry(size).imaging(&lens.core)?.optics.k)
 }

@@ -14,7 +14,7 @@ use super::half_plane::HalfPlane;
 use super::highlights::{self, Bright, HIGHLIGHT_RATIO};
 use super::inpaint::{self, Hidden, SAME_SURFACE_PX};
 use super::layer::SceneLayer;
-use super::matting::{FrontLayer, MixedPixel, unmix};
+use super::matting::{FrontLayer, MixedPixel, Separated, unmix};
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::memory::Buffer;
@@ -154,7 +154,7 @@ fn from_one_layer(
     let connectivity = edges::connectivity(&s, size.width, size.height);
     let colors = Colors::new(size, Arc::clone(&layer.color));
     let frame = FrontLayer { size, lights, color: &layer.color, s: &s, connectivity: &connectivity };
-    let mixed = unmix(&frame, 0.0, cancel)?;
+    let mixed = unmix(&frame, Separated::All, cancel)?;
     if mixed.is_empty() {
         let front = SceneLayer {
             s: Arc::new(s),
@@ -201,7 +201,8 @@ fn take_lamps_apart(
     others: &mut [SceneLayer],
     cancel: &Cancel,
 ) -> Result<Vec<Hidden>> {
-    let mixed = unmix(frame, HIGHLIGHT_RATIO, cancel)?;
+    let lamps = Separated::Outshining { times: HIGHLIGHT_RATIO, light: frame.median_light() };
+    let mixed = unmix(frame, lamps, cancel)?;
     let mut s = Buffer::clone(&front.s);
     front.partial = Arc::new(half_planes(frame, &mixed));
     let (colors, both) = split(&mixed, &mut s);
@@ -337,8 +338,7 @@ fn from_layers(
         && let Some((front, others)) = built.split_first_mut()
     {
         let (s, connectivity) = (Arc::clone(&front.s), Arc::clone(&front.connectivity));
-        let frame =
-            FrontLayer { size, lights, color: &layers[0].color, s: &s, connectivity: &connectivity };
+        let frame = FrontLayer { size, lights, color: &layers[0].color, s: &s, connectivity: &connectivity };
         let left = take_lamps_apart(&frame, front, others, cancel)?;
         let taken: HashSet<usize> = left.iter().map(|cell| cell.index).collect();
         hidden.retain(|cell| !taken.contains(&cell.index));

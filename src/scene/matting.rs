@@ -47,6 +47,14 @@ impl FrontLayer<'_> {
         std::array::from_fn(|c| if c < self.size.channels { self.color[c * n + i] } else { 0.0 })
     }
 
+    /// The median of the light of all pixels, as the length of their colours.
+    pub fn median_light(&self) -> f32 {
+        let light = |i: usize| self.norm2(self.color_at(i)).sqrt();
+        let mut all: Vec<f32> = (0..self.size.pixels()).into_par_iter().map(light).collect();
+        let middle = all.len() / 2;
+        *all.select_nth_unstable_by(middle, f32::total_cmp).1
+    }
+
     /// The squared length of the light of a colour.
     fn norm2(&self, color: [f32; 4]) -> f32 {
         color[..self.lights].iter().map(|c| c * c).sum()
@@ -138,14 +146,29 @@ fn extreme_color(
         .map(|(_, color)| color)
 }
 
-/// How many times one of two colours outshines the other.
-fn contrast(frame: &FrontLayer, a: [f32; 4], b: [f32; 4]) -> f32 {
-    let (a, b) = (frame.norm2(a).sqrt(), frame.norm2(b).sqrt());
-    a.max(b) / a.min(b).max(f32::MIN_POSITIVE)
+/// Which edge pixels are separated.
+#[derive(Clone, Copy)]
+pub enum Separated {
+    All,
+    /// Those with a surface that is so many times as bright as the other one, and as this light.
+    Outshining {
+        times: f32,
+        light: f32,
+    },
 }
 
-/// Separates one edge pixel; `None` if no pure colour is known of either surface, or none outshines the other enough.
-fn unmix_pixel(frame: &FrontLayer, least_contrast: f32, x: usize, y: usize) -> Option<MixedPixel> {
+impl Separated {
+    /// How much a pixel of these two colours is separated: from none at the limit on, and all from twice the limit on.
+    fn strength(self, frame: &FrontLayer, a: [f32; 4], b: [f32; 4]) -> f32 {
+        let Separated::Outshining { times, light } = self else { return 1.0 };
+        let (a, b) = (frame.norm2(a).sqrt(), frame.norm2(b).sqrt());
+        let limit = times * a.min(b).max(light);
+        (a.max(b) / limit.max(f32::MIN_POSITIVE) - 1.0).clamp(0.0, 1.0)
+    }
+}
+
+/// Separates one edge pixel; `None` if no pure colour is known of either surface, or it is not to be separated.
+fn unmix_pixel(frame: &FrontLayer, separated: Separated, x: usize, y: usize) -> Option<MixedPixel> {
     let index = y * frame.size.width + x;
     let around = || {
         let offsets = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy)));
@@ -166,15 +189,11 @@ fn unmix_pixel(frame: &FrontLayer, least_contrast: f32, x: usize, y: usize) -> O
         (Some(front), None) => (front, (extreme_color(frame, x, y, s_back, front.0)?, front.1)),
         (None, None) => return None,
     };
-    let strength = if least_contrast > 0.0 {
-        // From half of it on, the pixel begins to be two.
-        strength * (2.0 * contrast(frame, front, back) / least_contrast - 1.0).clamp(0.0, 1.0)
-    } else {
-        strength
-    };
-    if strength <= 0.0 {
+    let share = separated.strength(frame, front, back);
+    if share <= 0.0 {
         return None;
     }
+    let strength = strength * share;
 
     // The coverage as depth alone suggests it: the [1 2 1]^2 average of "in front".
     let middle = 0.5 * (s_front + s_back);
@@ -325,14 +344,13 @@ impl Pixel<'_> {
     }
 }
 
-/// All edge pixels that could be separated, in scan order: those where one surface is `least_contrast` times as bright as
-/// the other, or all for 0.
-pub fn unmix(frame: &FrontLayer, least_contrast: f32, cancel: &Cancel) -> Result<Vec<MixedPixel>> {
+/// The edge pixels that are to be separated and could be, in scan order.
+pub fn unmix(frame: &FrontLayer, separated: Separated, cancel: &Cancel) -> Result<Vec<MixedPixel>> {
     let row = |y: usize| {
         cancel.check()?;
         let edges =
             (0..frame.size.width).filter(|x| frame.connectivity[y * frame.size.width + x] & EDGE != 0);
-        Ok(edges.filter_map(|x| unmix_pixel(frame, least_contrast, x, y)).collect::<Vec<_>>())
+        Ok(edges.filter_map(|x| unmix_pixel(frame, separated, x, y)).collect::<Vec<_>>())
     };
     let rows = (0..frame.size.height)
         .into_par_iter()
@@ -363,7 +381,7 @@ mod tests {
         let connectivity = super::super::edges::connectivity(&s, w, h);
         let mixed = unmix(
             &FrontLayer { size, lights: 1, color: &color, s: &s, connectivity: &connectivity },
-            0.0,
+            Separated::All,
             &Cancel::default(),
         )
         .unwrap();
@@ -386,7 +404,7 @@ mod tests {
         let s: Vec<f32> = (0..w * h).map(|i| if i % w < 5 { 8.0 } else { 0.0 }).collect();
         let connectivity = super::super::edges::connectivity(&s, w, h);
         let frame = FrontLayer { size, lights: 1, color: &color, s: &s, connectivity: &connectivity };
-        unmix(&frame, 0.0, &Cancel::default()).unwrap()
+        unmix(&frame, Separated::All, &Cancel::default()).unwrap()
     }
 
     #[test]

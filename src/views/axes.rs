@@ -2,7 +2,7 @@
 
 use super::camera::{Camera, Warp};
 use super::depth_map::{DepthMap, SAME_PX};
-use super::{View, Views};
+use super::view::{View, Views};
 use crate::cancel::Cancel;
 use crate::error::Result;
 use rayon::prelude::*;
@@ -34,7 +34,8 @@ fn turned(camera: &Camera) -> Camera {
 
 /// The share of a view's pixels that the reference has seen through.
 fn contradictions(views: &Views, reference: &View, view: &View, axes: fn(&Camera) -> Camera) -> f64 {
-    let map = DepthMap { width: views.size.width, height: views.size.height, disparity: &reference.disparity };
+    let map =
+        DepthMap { width: views.size.width, height: views.size.height, disparity: &reference.disparity };
     let (from, to) = (axes(&view.camera), axes(&reference.camera));
     let k = (from.baseline(&to) * to.focal_px()) as f32;
     let warp = Warp::between(&from, &to);

@@ -35,9 +35,11 @@ impl Camera {
     /// From a pixel to the point with `z = 1` that is seen there.
     fn inverse_intrinsics(&self) -> [[f64; 3]; 3] {
         let [[fx, skew, cx], [_, fy, cy], _] = self.intrinsics;
-        [[1.0 / fx, -skew / (fx * fy), (skew * cy - cx * fy) / (fx * fy)], [0.0, 1.0 / fy, -cy / fy], [
-            0.0, 0.0, 1.0,
-        ]]
+        [
+            [1.0 / fx, -skew / (fx * fy), (skew * cy - cx * fy) / (fx * fy)],
+            [0.0, 1.0 / fy, -cy / fy],
+            [0.0, 0.0, 1.0],
+        ]
     }
 
     /// Focal length in pixels: the geometric mean of both axes.

@@ -44,7 +44,7 @@ fn distance2(a: &[f32; 4], b: &[f32; 4], lights: usize) -> f32 {
     (0..lights).map(|c| (a[c] - b[c]).powi(2)).sum()
 }
 
-/// One surface out of what the views see of it.
+/// One surface out of what the views see of it, at least one fragment.
 ///
 /// Where views disagree, as on mirrors, the colour that most of them are near to counts, and the others the less the
 /// farther they are from it.
@@ -52,21 +52,17 @@ pub fn merged(fragments: &[Fragment], lights: usize) -> Cell {
     let away = |center: &Fragment| -> f32 {
         fragments.iter().map(|f| f.weight * distance2(&f.color, &center.color, lights).sqrt()).sum()
     };
-    let center = match fragments {
-        [only] => only,
-        [first, rest @ ..] => {
-            let nearest = |best: (f32, _), f| {
-                let away = away(f);
-                if away < best.0 { (away, f) } else { best }
-            };
-            rest.iter().fold((away(first), first), nearest).1
-        }
-        [] => unreachable!("a surface has been seen"),
-    };
+    // Of equals the first one, in an order that the views have no part in.
+    let center = fragments.iter().skip(1).fold((away(&fragments[0]), &fragments[0]), |best, f| {
+        let away = away(f);
+        if away < best.0 { (away, f) } else { best }
+    });
+    let center = center.1;
     let dark = distance2(&center.color, &[0.0; 4], lights);
     let total: f32 = fragments.iter().map(|f| f.weight).sum();
     let spread: f32 =
-        fragments.iter().map(|f| f.weight * distance2(&f.color, &center.color, lights).sqrt()).sum::<f32>() / total;
+        fragments.iter().map(|f| f.weight * distance2(&f.color, &center.color, lights).sqrt()).sum::<f32>()
+            / total;
     let scale2 = spread * spread + AGREES * AGREES * dark + f32::MIN_POSITIVE;
     let (mut weights, mut disparity, mut color) = (0.0, 0.0, [0.0; 4]);
     for f in fragments {
@@ -84,7 +80,9 @@ pub fn is_there(cell: &Cell, reference: &DepthMap, sources: &[Source]) -> bool {
     let (mut see, mut see_through) = (0, 0);
     for source in sources {
         let found = source.from_reference.at(x, y, f64::from(cell.disparity));
-        let Some((found, at)) = found.and_then(|s| Some((s, source.depth.pixel_at(s.x, s.y)?))) else { continue };
+        let Some((found, at)) = found.and_then(|s| Some((s, source.depth.pixel_at(s.x, s.y)?))) else {
+            continue;
+        };
         let d = found.disparity as f32;
         let in_front = |i: usize| source.depth.behind_px(i, d, source.k);
         // Beside a silhouette, the next pixel may be on the surface that this one is on.

@@ -10,51 +10,20 @@ mod depth_map;
 mod fragments;
 mod merge;
 mod source;
+mod view;
 
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::memory::Buffer;
 use crate::picture::Size;
 use crate::scene::edges;
-use camera::Camera;
 use depth_map::DepthMap;
 use fragments::Canvas;
 use rayon::prelude::*;
 use source::Source;
 
 pub use merge::Cell;
-
-/// One picture of a scene.
-pub struct View {
-    /// Colour planes, linear and premultiplied.
-    pub color: Buffer<f32>,
-    /// Channels of the colour.
-    pub channels: usize,
-    /// The inverse of `z` at every pixel.
-    pub disparity: Buffer<f32>,
-    /// What took it.
-    pub camera: Camera,
-}
-
-impl View {
-    /// The colour of a pixel.
-    pub fn color_at(&self, index: usize) -> [f32; 4] {
-        let n = self.disparity.len();
-        std::array::from_fn(|c| if c < self.channels { self.color[c * n + index] } else { 0.0 })
-    }
-}
-
-/// Pictures of one scene and one size.
-pub struct Views {
-    /// Their size.
-    pub size: Size,
-    /// How many channels, the first ones, hold light.
-    pub lights: usize,
-    /// The pictures.
-    pub views: Vec<View>,
-    /// The number of the one that is to be rendered.
-    pub reference: usize,
-}
+pub use view::{View, Views};
 
 /// What is asked for.
 #[derive(Debug, Clone, Copy)]
@@ -97,7 +66,8 @@ pub fn hidden(views: &Views, settings: &Settings, cancel: &Cancel) -> Result<Vec
         let mut layers = vec![Vec::new(); settings.surfaces];
         let cells = merge::surfaces(&fragments).map(|surface| merge::merged(surface, views.lights));
         for cell in cells.filter(|cell| merge::is_there(cell, &seen, &sources)) {
-            let is_free = |layer: &&mut Vec<Cell>| layer.last().is_none_or(|last: &Cell| last.index < cell.index);
+            let is_free =
+                |layer: &&mut Vec<Cell>| layer.last().is_none_or(|last: &Cell| last.index < cell.index);
             if let Some(layer) = layers.iter_mut().find(is_free) {
                 layer.push(cell);
             }
@@ -134,7 +104,8 @@ impl InReach<'_> {
     fn sees(&self, index: usize, disparity: f32) -> bool {
         self.lens.as_ref().is_none_or(|(k, distance)| {
             // Distances are exact below the largest one.
-            let reach = (k * (self.seen.disparity[index] - disparity) + MARGIN_PX).min(f32::from(edges::FAR_PX));
+            let reach =
+                (k * (self.seen.disparity[index] - disparity) + MARGIN_PX).min(f32::from(edges::FAR_PX));
             f32::from(distance[index]) <= reach
         })
     }

@@ -1,8 +1,8 @@
 //! One of the other views: which of its pixels see what the reference does not, and how far they are to be trusted.
 
-use super::View;
 use super::camera::Warp;
 use super::depth_map::{DepthMap, SAME_PX};
+use super::view::View;
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::memory::Buffer;
@@ -65,11 +65,20 @@ impl<'a> Source<'a> {
         let connectivity = edges::connectivity(&s, map.width, map.height);
         drop(s);
         let nearest = nearest_of_reference(&seen, &map, &from_reference, cancel)?;
-        let (evidence, votes) =
-            evidence((&map, &seen), &nearest, &connectivity, (&to_reference, k), cancel)?;
+        let (evidence, votes) = evidence((&map, &seen), &nearest, &connectivity, (&to_reference, k), cancel)?;
         let trust = Trust::new(&votes, map.width.div_ceil(BLOCK));
         let strips = strips(&map, &evidence, &to_reference);
-        Ok(Source { view, depth: map, to_reference, from_reference, k, connectivity, evidence, strips, trust })
+        Ok(Source {
+            view,
+            depth: map,
+            to_reference,
+            from_reference,
+            k,
+            connectivity,
+            evidence,
+            strips,
+            trust,
+        })
     }
 
     /// How far a pixel is to be trusted, from 0 to 1.
@@ -132,7 +141,11 @@ fn evidence(
         let known = || map.around(index).filter(|i| nearest[*i] > 0.0);
         let slope = map.slope_px(index, k);
         let in_front = |i: usize| k * (nearest[i] - d) > SAME_PX + slope;
-        if known().next().is_some() && known().all(in_front) { Evidence::Contradicts } else { Evidence::Hidden }
+        if known().next().is_some() && known().all(in_front) {
+            Evidence::Contradicts
+        } else {
+            Evidence::Hidden
+        }
     };
     let across = map.width.div_ceil(BLOCK);
     let mut evidence = vec![Evidence::None; map.disparity.len()];

@@ -100,6 +100,12 @@ class Capture:
         """Render (height, width, 3) linear colours through the lens, averaged over each pixel's square."""
         return self._take("thinlens", self._view(width, height), spp, lamp_spp, seed)
 
+    def lens_from(
+        self, at: Sequence[float], width: int, height: int, spp: int, lamp_spp: int = 256, seed: int = 1
+    ) -> Array:
+        """Render colours through a lens so many metres to the right, down and forward."""
+        return self._take("thinlens", self._view(width, height, at), spp, lamp_spp, seed)
+
     def seen_from(
         self, at: Sequence[float], width: int, height: int, spp: int, lamp_spp: int = 256, seed: int = 0
     ) -> tuple[Array, Array]:
