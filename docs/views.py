@@ -22,6 +22,7 @@ SIDE, ENLARGED = (96, 72), 4
 def main() -> None:
     """Draw the plate."""
     from scenes.around import load_around
+
     from views import pictures
 
     parser = argparse.ArgumentParser(description=main.__doc__)

@@ -84,7 +84,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--scene", default="fence")
     parser.add_argument("--frames", type=int, default=6)
-    parser.add_argument("--step", type=float, default=Camera.aperture_radius / 2, help="metres from frame to frame")
+    parser.add_argument(
+        "--step", type=float, default=Camera.aperture_radius / 2, help="metres from frame to frame"
+    )
     parser.add_argument("--size", default="192x144", help="width x height in pixels")
     arguments = parser.parse_args()
     width, height = (int(side) for side in arguments.size.split("x"))
@@ -93,7 +95,9 @@ def main() -> None:
     border = 30 * width // 512
     for beside in range(BESIDE + 1):
         pictures = rendered(shot, lens, beside)
-        psnr = np.mean([metrics.psnr(*pair, border=border) for pair in zip(pictures, shot["truth"], strict=True)])
+        psnr = np.mean(
+            [metrics.psnr(*pair, border=border) for pair in zip(pictures, shot["truth"], strict=True)]
+        )
         steady = flicker(pictures, shot["truth"], border)
         print(f"{2 * beside} neighbours: {psnr:.2f} dB, flicker {steady:.2f} codes", flush=True)
 

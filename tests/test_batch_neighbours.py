@@ -16,7 +16,8 @@ FOV = float(np.degrees(2 * np.arctan(0.32)))
 LENS = {"aperture_radius": 0.04, "focus_distance": 4.0, "fov": FOV}
 POSES = [pose(0.04 * (i - 2)) for i in range(5)]
 CAMERAS = [
-    Camera(one, SCENE.intrinsics, (SCENE.width, SCENE.height), f"shot/{i:04}.exr") for i, one in enumerate(POSES)
+    Camera(one, SCENE.intrinsics, (SCENE.width, SCENE.height), f"shot/{i:04}.exr")
+    for i, one in enumerate(POSES)
 ]
 
 
@@ -108,4 +109,6 @@ def test_what_does_not_fit_is_said(shot):
     [result, *_] = map_frames(with_neighbours(frames(shot), small, 2))
     assert "is of 64 x 48 pixels, and its camera of 32 x 24" in result.error
     with pytest.raises(ValueError, match="camera must be given with neighbours"):
-        Frame(**{**vars(frames(shot)[0]), "neighbours": with_neighbours(frames(shot), CAMERAS, 1)[0].neighbours})
+        Frame(
+            **{**vars(frames(shot)[0]), "neighbours": with_neighbours(frames(shot), CAMERAS, 1)[0].neighbours}
+        )

@@ -29,7 +29,10 @@ def quaternion(axis, degrees):
 AXIS, ANGLE, PLACE = (0.2, 1.0, -0.3), 25.0, (1.0, -2.0, 3.0)
 POSE = np.eye(4)
 POSE[:3, :3], POSE[:3, 3] = turned(AXIS, ANGLE), PLACE
-CAMERAS = [Camera(POSE, INTRINSICS, (WIDTH, HEIGHT), "a.png"), Camera(np.eye(4), INTRINSICS, (WIDTH, HEIGHT), "b.png")]
+CAMERAS = [
+    Camera(POSE, INTRINSICS, (WIDTH, HEIGHT), "a.png"),
+    Camera(np.eye(4), INTRINSICS, (WIDTH, HEIGHT), "b.png"),
+]
 
 
 def same(found, expected=CAMERAS):
@@ -88,7 +91,9 @@ def test_hypersim(tmp_path):
     h5py = pytest.importorskip("h5py")
     folder = tmp_path / "_detail" / "cam_00"
     folder.mkdir(parents=True)
-    (tmp_path / "_detail" / "metadata_scene.csv").write_text("parameter_name,parameter_value\nmeters_per_asset_unit,0.5\n")
+    (tmp_path / "_detail" / "metadata_scene.csv").write_text(
+        "parameter_name,parameter_value\nmeters_per_asset_unit,0.5\n"
+    )
     for name, values in {
         "positions": [np.multiply(PLACE, 2.0), [0, 0, 0]],
         "orientations": [(POSE @ OPENGL)[:3, :3], OPENGL[:3, :3]],
@@ -140,7 +145,12 @@ def test_mitsuba():
     # Looks along +z; Mitsuba's pictures then run towards -x.
     film = {"type": "hdrfilm", "width": WIDTH, "height": HEIGHT}
     to_world = mi.ScalarTransform4f().translate([1, 2, 3])
-    camera = {"type": "perspective", "fov": 2 * np.degrees(np.arctan(0.5 * WIDTH / FOCAL)), "to_world": to_world, "film": film}
+    camera = {
+        "type": "perspective",
+        "fov": 2 * np.degrees(np.arctan(0.5 * WIDTH / FOCAL)),
+        "to_world": to_world,
+        "film": film,
+    }
     camera["principal_point_offset_x"] = 0.1
     found = Camera.from_mitsuba({"type": "scene", "camera": camera})
     np.testing.assert_allclose(found.pose, [[-1, 0, 0, 1], [0, -1, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]])
@@ -170,8 +180,9 @@ def test_a_camera_moves_along_its_own_axes():
 def test_one_clear_line_for_what_cannot_be_read(tmp_path, name, text, message):
     path = tmp_path / name
     path.write_text(text)
+    if name == "cameras.txt":
+        (tmp_path / "images.txt").write_text("")
+        path = tmp_path
     with pytest.raises(ValueError, match=message) as error:
-        if name == "cameras.txt":
-            (tmp_path / "images.txt").write_text("")
-        read_cameras(tmp_path if name == "cameras.txt" else path)
+        read_cameras(path)
     assert "\n" not in str(error.value)

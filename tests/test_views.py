@@ -19,7 +19,7 @@ def flat(*color):
 
 
 def mirrored(x, y, towards):
-    """What a bent mirror shows depends on where it is seen from."""
+    """Show what a bent mirror does, which depends on where it is seen from."""
     return stripes(8.0 * x + 20.0 * towards[..., 0], 8.0 * y + 20.0 * towards[..., 1], towards)
 
 
@@ -129,7 +129,9 @@ def test_views_may_be_turned_and_moved_forward():
 
 
 def test_several_surfaces_lie_one_behind_another():
-    scene = Cards([WALL, Card((0.0, 0.0, 2.0), (0.24, 0.5), flat(0.2, 0.7, 0.3)), Card((0.0, 0.0, 1.0), (0.1, 0.3))])
+    scene = Cards(
+        [WALL, Card((0.0, 0.0, 2.0), (0.24, 0.5), flat(0.2, 0.7, 0.3)), Card((0.0, 0.0, 1.0), (0.1, 0.3))]
+    )
     poses = np.stack([pose(right) for right in (0.0, -0.12, -0.3, 0.12, 0.3)])
     layers, depths = layered(*seen(scene, poses), poses, layers=3)
     both = (layers[1, ..., 3] > 0) & (layers[2, ..., 3] > 0)
@@ -148,7 +150,7 @@ def test_what_the_lens_cannot_see_is_left_out():
 
 
 def damaged(kind):
-    """Views of a scene that is not the reference's, or that lie."""
+    """Give views of a scene that is not the reference's, or that lie."""
     colors, depths, poses = COLORS.copy(), DEPTHS.copy(), AROUND.copy()
     if kind == "moved":
         x, y, z = NEAR.centre
@@ -244,25 +246,43 @@ SCALED = np.diag([2.0, 2.0, 2.0, 1.0])
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"poses": AROUND @ OPENGL}, r"^poses\[1\] is in the axes of OpenGL or Blender .* numpy.diag\(\[1, -1, -1, 1\]\)"),
+        (
+            {"poses": AROUND @ OPENGL},
+            r"^poses\[1\] is in the axes of OpenGL or Blender .* numpy.diag\(\[1, -1, -1, 1\]\)",
+        ),
         ({"poses": AROUND @ MIRROR}, r"^poses\[0\] must be a rotation and a position; it mirrors"),
         ({"poses": AROUND @ SCALED}, r"^poses\[0\] must be rigid, .* off by 3"),
-        ({"poses": AROUND[:4]}, r"^poses must have shape \(9, 4, 4\), one for each of colors; got \[4, 4, 4\]"),
+        (
+            {"poses": AROUND[:4]},
+            r"^poses must have shape \(9, 4, 4\), one for each of colors; got \[4, 4, 4\]",
+        ),
         ({"poses": AROUND.swapaxes(1, 2)}, r"^poses\[1\] must have the last row \[0, 0, 0, 1\]"),
-        ({"poses": np.where(AROUND == 1.0, np.nan, AROUND)}, r"^poses must be finite; poses\[0\] has NaN in row 0, column 0"),
+        (
+            {"poses": np.where(AROUND == 1.0, np.nan, AROUND)},
+            r"^poses must be finite; poses\[0\] has NaN in row 0, column 0",
+        ),
         ({"intrinsics": np.eye(4)}, r"^intrinsics must have shape \(3, 3\) or \(9, 3, 3\), .* got \[4, 4\]"),
         ({"intrinsics": SCENE.intrinsics.T}, r"^intrinsics .* must be \[\[fx, skew, cx\]"),
-        ({"colors": COLORS[:, :, :-2]}, r"^depths must have the size of colors, 72 x 94; depths\[0\] has 72 x 96"),
-        ({"colors": [*COLORS[:8], COLORS[8][2:]]}, r"^colors must all have the size of the first one, 72 x 96 x 3; colors\[8\] has 70 x 96 x 3"),
-        ({"colors": COLORS[:8]}, "^depths must be as many as colors, 8; got 9"),
+        (
+            {"colors": COLORS[:, :, :-2]},
+            r"^depths must have the size of colors, 72 x 94; depths\[0\] has 72 x 96",
+        ),
+        (
+            {"colors": [*COLORS[:8], COLORS[8][2:]]},
+            r"^colors must all have the size of the first one, 72 x 96 x 3; colors\[8\] has 70 x 96 x 3",
+        ),
+        ({"colors": COLORS[:8]}, r"^depths must be as many as colors, 8; got 9"),
         ({"colors": COLORS[0]}, r"^depths must be as many as colors, 72"),
         ({"colors": np.round(COLORS).astype(np.uint8)}, r"^colors\[0\]: transfer must be given"),
-        ({"colors": np.where(COLORS > 0.75, np.nan, COLORS)}, r"^colors\[0\] has \d+ pixels that are not finite"),
+        (
+            {"colors": np.where(COLORS > 0.75, np.nan, COLORS)},
+            r"^colors\[0\] has \d+ pixels that are not finite",
+        ),
         ({"depths": -DEPTHS}, r"^depths\[0\]: depth: all 6912 values are negative"),
         ({"reference": 9}, r"^reference must be from 0 to 8, one of 9 pictures; got 9"),
-        ({"layers": 1}, "^layers must be from 2 to 16; got 1"),
-        ({"depth_kind": "relative"}, "^depth_kind must be metric"),
-        ({"lens": dofsim.Lens.from_disparity(strength_px=5, focus=0.5)}, "^lens must be metric"),
+        ({"layers": 1}, r"^layers must be from 2 to 16; got 1"),
+        ({"depth_kind": "relative"}, r"^depth_kind must be metric"),
+        ({"lens": dofsim.Lens.from_disparity(strength_px=5, focus=0.5)}, r"^lens must be metric"),
     ],
 )
 def test_one_clear_line_for_what_cannot_be_used(change, message):
@@ -274,9 +294,9 @@ def test_one_clear_line_for_what_cannot_be_used(change, message):
 
 
 def test_types_are_named():
-    with pytest.raises(TypeError, match="^colors must be an array or a sequence of arrays"):
+    with pytest.raises(TypeError, match=r"^colors must be an array or a sequence of arrays"):
         dofsim.layers_from_views(3, DEPTHS, AROUND, SCENE.intrinsics)
-    with pytest.raises(TypeError, match="^poses must be numbers"):
+    with pytest.raises(TypeError, match=r"^poses must be numbers"):
         dofsim.layers_from_views(COLORS, DEPTHS, "here", SCENE.intrinsics)
 
 

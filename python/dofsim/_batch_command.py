@@ -279,7 +279,9 @@ def batch_command(
         from .cameras import read_cameras
 
         frames = with_neighbours(frames, read_cameras(cameras), neighbours)[:limit]
-    lists = [path for path in (manifest, lens_file, cameras, opening.get("image")) if isinstance(path, (str, Path))]
+    lists = [
+        path for path in (manifest, lens_file, cameras, opening.get("image")) if isinstance(path, (str, Path))
+    ]
     _check_paths(frames, output, [Path(path) for path in lists], [one for one in (color, depth) if one])
     _console.wake(render_options.device, verbose=verbose)
     _check_options(frames[0])

@@ -1,4 +1,4 @@
-"""Where cameras stand and what they see: from Mitsuba, Blender, COLMAP, nerfstudio, Hypersim, TartanAir, and JSON.
+"""Cameras of Mitsuba, Blender, COLMAP, nerfstudio, Hypersim, TartanAir and JSON: where they stand, what they see.
 
 `dofsim.layers_from_views` takes their poses and intrinsics.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from csv import DictReader
 from dataclasses import dataclass, replace
 from math import pi, radians, tan
@@ -67,7 +67,9 @@ class Camera:
         for name, shape in (("pose", (4, 4)), ("intrinsics", (3, 3))):
             value = np.array(getattr(self, name), np.float64)
             if value.shape != shape or not np.isfinite(value).all():
-                raise ValueError(f"{name} must be finite, of shape {shape}; got {shortened(repr(value.tolist()))}")
+                raise ValueError(
+                    f"{name} must be finite, of shape {shape}; got {shortened(repr(value.tolist()))}"
+                )
             value.flags.writeable = False
             object.__setattr__(self, name, value)
         if len(self.size) != 2 or min(self.size) < 1:
@@ -319,27 +321,25 @@ def _transforms(path: Path, words: dict[str, Any]) -> list[Camera]:
     cameras = []
     for i, frame in enumerate(_list(path, words, "frames")):
         own = {**words, **frame}
-
-        def number(name: str, default: Callable[[], float] | None = None, own: dict[str, Any] = own) -> float:
-            value = own.get(name)
-            if isinstance(value, (int, float)):
-                return float(value)
-            if value is None and default is not None:
-                return default()
-            raise ValueError(f"{path}: frame {i} needs the number {name!r}; got {shortened(repr(value))}")
-
-        if any(abs(float(own.get(name) or 0.0)) > 0.0 for name in ("k1", "k2", "k3", "k4", "p1", "p2")):
+        if any(own.get(name) for name in ("k1", "k2", "k3", "k4", "p1", "p2")):
             raise ValueError(f"{path}: frame {i} is distorted (k1, k2, p1, p2); undistort the pictures first")
-        width, height = number("w"), number("h")
-        fx = number("fl_x", lambda: 0.5 * width / tan(0.5 * number("camera_angle_x")))
-        fy = number("fl_y", lambda: fx)
-        cx, cy = number("cx", lambda: 0.5 * width), number("cy", lambda: 0.5 * height)
+        width, height = (_number(path, i, own, name) for name in "wh")
+        if own.get("fl_x") is None:
+            own["fl_x"] = 0.5 * width / tan(0.5 * _number(path, i, own, "camera_angle_x"))
+        fx = _number(path, i, own, "fl_x")
+        own = {"fl_y": fx, "cx": 0.5 * width, "cy": 0.5 * height} | own
+        fy, cx, cy = (_number(path, i, own, name) for name in ("fl_y", "cx", "cy"))
         pose = _pose(path, i, frame.get("transform_matrix"), "transform_matrix") @ _FROM_OPENGL
-        size = int(width), int(height)
-        cameras.append(
-            Camera(pose, _matrix(fx, fy, cx - 0.5, cy - 0.5), size, str(frame.get("file_path", "")))
-        )
+        intrinsics, size = _matrix(fx, fy, cx - 0.5, cy - 0.5), (int(width), int(height))
+        cameras.append(Camera(pose, intrinsics, size, str(frame.get("file_path", ""))))
     return cameras
+
+
+def _number(path: Path, i: int, words: dict[str, Any], name: str) -> float:
+    value = words.get(name)
+    if isinstance(value, (int, float)):
+        return float(value)
+    raise ValueError(f"{path}: frame {i} needs the number {name!r}; got {shortened(repr(value))}")
 
 
 def _list(path: Path, words: dict[str, Any], name: str) -> list[dict[str, Any]]:
@@ -369,13 +369,20 @@ def _own(path: Path, words: dict[str, Any]) -> list[Camera]:
         if axes not in ("opencv", "opengl"):
             raise ValueError(f'{path}: "axes" must be "opencv" or "opengl"; got {shortened(repr(axes))}')
         pose = _pose(path, i, own.get("pose"), "pose")
-        size = own.get("width"), own.get("height")
-        if not all(isinstance(side, int) for side in size):
-            raise ValueError(f'{path}: camera {i} needs "width" and "height" in pixels; got {size}')
+        width, height = own.get("width"), own.get("height")
+        if not (isinstance(width, int) and isinstance(height, int)):
+            raise ValueError(
+                f'{path}: camera {i} needs "width" and "height" in pixels; got {width} and {height}'
+            )
         try:
             intrinsics = np.array(own.get("intrinsics"), np.float64)
             cameras.append(
-                Camera(pose if axes == "opencv" else pose @ _FROM_OPENGL, intrinsics, size, str(own.get("name", "")))
+                Camera(
+                    pose if axes == "opencv" else pose @ _FROM_OPENGL,
+                    intrinsics,
+                    (width, height),
+                    str(own.get("name", "")),
+                )
             )
         except (TypeError, ValueError) as error:
             raise ValueError(f"{path}: camera {i}: {error}") from None
@@ -385,7 +392,7 @@ def _own(path: Path, words: dict[str, Any]) -> list[Camera]:
 def _hypersim(folder: Path, size: tuple[int, int]) -> list[Camera]:
     """Read a trajectory of Hypersim: OpenGL's axes, in units of the scene, 60 degrees wide."""
     try:
-        import h5py
+        import h5py  # type: ignore[import-untyped, unused-ignore]
     except ImportError as error:
         raise ImportError(missing("Hypersim's cameras need", "h5py", "hdf5")) from error
 
@@ -417,13 +424,15 @@ def _tartanair(path: Path, size: tuple[int, int]) -> list[Camera]:
     width, height = size
     focal_px = 0.5 * width / tan(radians(45.0))
     intrinsics = _matrix(focal_px, focal_px, 0.5 * (width - 1), 0.5 * (height - 1))
-    cameras = []
+    cameras: list[Camera] = []
     for number, words in _lines(path):
         if not words:
             continue
         values = _numbers(path, number, words, 7)
         if len(values) != 7:
-            raise ValueError(f"{path}, line {number}: a pose has 7 numbers, as TartanAir's; got {len(values)}")
+            raise ValueError(
+                f"{path}, line {number}: a pose has 7 numbers, as TartanAir's; got {len(values)}"
+            )
         x, y, z, w = values[3:]
         # The world's axes are the aircraft's, too, which are right-handed.
         pose = _placed(_rotation(w, x, y, z), values[:3]) @ _FROM_AIRCRAFT

@@ -41,7 +41,9 @@ def pictures(bundle: dict[str, NDArray]) -> dict[str, NDArray]:
     out = {"one layer": dofsim.render(bundle["color"], bundle["depth"], lens)}
     for key in reversed(places()):
         out[key] = dofsim.render(*layers_of(bundle, key), lens)[..., :3]
-    out["four true layers"] = dofsim.render(bundle["layers_color_1x"], bundle["layers_depth_1x"], lens)[..., :3]
+    out["four true layers"] = dofsim.render(bundle["layers_color_1x"], bundle["layers_depth_1x"], lens)[
+        ..., :3
+    ]
     return out
 
 

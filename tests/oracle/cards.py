@@ -15,7 +15,8 @@ Vector = NDArray[np.float64]
 def stripes(x: Vector, y: Vector, towards: Vector) -> Vector:
     """Give a smooth texture with detail of several pixels."""
     return np.stack(
-        [0.5 + 0.3 * np.sin(9 * x + 2 * y), 0.5 + 0.3 * np.cos(7 * y), 0.4 + 0.2 * np.sin(5 * x - 6 * y)], axis=-1
+        [0.5 + 0.3 * np.sin(9 * x + 2 * y), 0.5 + 0.3 * np.cos(7 * y), 0.4 + 0.2 * np.sin(5 * x - 6 * y)],
+        axis=-1,
     )
 
 
@@ -89,7 +90,9 @@ class Cards:
         total = np.zeros((self.height, self.width, 3))
         for i, (turn, length) in enumerate(zip(turns, lengths, strict=True)):
             origin = np.array([length * np.cos(turn), length * np.sin(turn), 0.0])
-            total += self.cast(origin, focus * self.rays(*self.offsets()[i * 7 % self.samples**2]) - origin)[0]
+            total += self.cast(origin, focus * self.rays(*self.offsets()[i * 7 % self.samples**2]) - origin)[
+                0
+            ]
         return total / points
 
 

@@ -58,9 +58,7 @@ def render_around(name: str, width: int, height: int) -> dict[str, np.ndarray]:
         "layers_depth_1x": layers_depth,
     }
     for key, at in places(capture.camera.aperture_radius).items():
-        taken = [
-            capture.seen_from(place, width, height, recipe.pinhole_spp, recipe.lamp_spp) for place in at
-        ]
+        taken = [capture.seen_from(place, width, height, recipe.pinhole_spp, recipe.lamp_spp) for place in at]
         out[f"colors {key}"] = np.stack([color for color, _ in taken])
         out[f"depths {key}"] = np.stack([depth for _, depth in taken])
     halves = [capture.thin_lens(width, height, recipe.half_spp, recipe.lamp_spp, seed) for seed in (1, 2)]

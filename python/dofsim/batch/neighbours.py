@@ -1,8 +1,7 @@
-"""What the frames beside a frame saw: which they are, their pictures kept for the frames that follow, and layers."""
+"""What the frames beside a frame saw: which they are, their pictures, and layers."""
 
 from __future__ import annotations
 
-import os
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -131,7 +130,7 @@ class Pictures:
 
 
 def _stamp(path: Path) -> tuple[int, int]:
-    status = os.stat(path)
+    status = path.stat()
     return status.st_size, status.st_mtime_ns
 
 

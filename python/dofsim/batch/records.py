@@ -42,7 +42,7 @@ def fingerprint(frame: Frame) -> str:
     OSError
         If an input is not there.
     """
-    pictures = [frame, *frame.neighbours]
+    pictures: list[Frame | Neighbour] = [frame, *frame.neighbours]
     inputs = [_stamp(path) for one in pictures for path in (one.color, one.depth) if path is not None]
     words = {name: value for name, value in _parameters(frame).items() if name not in ("color", "depth")}
     words["neighbours"] = [one.camera for one in frame.neighbours]

@@ -20,7 +20,7 @@ from dofsim._frame import Framed, read_framed, squeezed
 from dofsim._report import Report
 from dofsim._save import Alpha, SampleType
 
-from .frames import Frame, Result
+from .frames import Frame, Neighbour, Result
 from .neighbours import Pictures, layered
 from .records import fingerprint, is_done, write_record
 
@@ -127,7 +127,7 @@ def _read(frame: Frame, resume: bool) -> Loaded | Result:
     beside: list[Framed] = []
     if frame.neighbours:
         keep = len(frame.neighbours) + 2
-        pictures = [frame, *frame.neighbours]
+        pictures: list[Frame | Neighbour] = [frame, *frame.neighbours]
         framed, *beside = [
             _PICTURES.read(one.color, one.depth, keep, read_words, read_framed) for one in pictures
         ]

@@ -130,8 +130,7 @@ class View:
 
     def intrinsics(self) -> NDArray[np.float64]:
         """Give the camera's matrix in pixels, for pixel centres at whole numbers."""
-        width, height = self.size
-        focal_px = 0.5 * width / tan(radians(0.5 * self.x_fov))
+        focal_px = 0.5 * self.size[0] / tan(radians(0.5 * self.x_fov))
         cx, cy = (n * (0.5 - offset) - 0.5 for n, offset in zip(self.size, self.offset, strict=True))
         return np.array([[focal_px, 0.0, cx], [0.0, focal_px, cy], [0.0, 0.0, 1.0]])
 
