@@ -1,8 +1,8 @@
 """Sequences: how close a camera that slides past a scene stays to Mitsuba's thin lens, and how steady it is.
 
-Run `python tests/sequences.py`. The frames are rendered with Mitsuba the first time and kept under build/scenes/. Flicker
-is the change of the error from frame to frame, root mean square in codes of 0 to 255: an error that stays is not seen to
-move, and what the truth does itself is none.
+Run `python tests/sequences.py`. The frames are rendered with Mitsuba the first time and kept under
+build/scenes/. Flicker is the change of the error from frame to frame, root mean square in codes of 0 to 255:
+an error that stays is not seen to move, and what the truth does itself is none.
 """
 
 import argparse

@@ -60,7 +60,8 @@ def test_our_own_file_there_and_back(tmp_path):
 
 def test_colmap(tmp_path):
     (tmp_path / "cameras.txt").write_text(
-        f"# comment\n1 SIMPLE_PINHOLE {WIDTH} {HEIGHT} {FOCAL} 320 240\n2 PINHOLE {WIDTH} {HEIGHT} {FOCAL} {FOCAL} 320 240\n"
+        f"# comment\n1 SIMPLE_PINHOLE {WIDTH} {HEIGHT} {FOCAL} 320 240\n"
+        f"2 PINHOLE {WIDTH} {HEIGHT} {FOCAL} {FOCAL} 320 240\n"
     )
     # COLMAP's poses are from world to camera.
     w, x, y, z = quaternion(AXIS, -ANGLE)

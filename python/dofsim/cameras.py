@@ -1,4 +1,4 @@
-"""Cameras of Mitsuba, Blender, COLMAP, nerfstudio, Hypersim, TartanAir and JSON: where they stand, what they see.
+"""Cameras of Mitsuba, Blender, COLMAP, nerfstudio, Hypersim, TartanAir and JSON: where they stand.
 
 `dofsim.layers_from_views` takes their poses and intrinsics.
 """
@@ -76,7 +76,7 @@ class Camera:
             raise ValueError(f"size must be a width and a height in pixels; got {self.size}")
 
     def moved(self, *, right: float = 0.0, down: float = 0.0, forward: float = 0.0) -> Camera:
-        """Return the same camera so many metres away: the second one of a stereo pair, a point of the lens."""
+        """Return the same camera so many metres away: the other one of a stereo pair, a point of the lens."""
         pose = self.pose.copy()
         pose[:3, 3] += pose[:3, :3] @ [right, down, forward]
         return replace(self, pose=pose)
@@ -195,7 +195,8 @@ def read_cameras(path: StrPath, *, size: tuple[int, int] | None = None) -> list[
         if (where / "camera_keyframe_positions.hdf5").exists():
             return _hypersim(where, size or (1024, 768))
         raise ValueError(
-            f"{path}: a folder of cameras has images.txt (COLMAP) or camera_keyframe_positions.hdf5 (Hypersim)"
+            f"{path}: a folder of cameras has images.txt (COLMAP) or "
+            "camera_keyframe_positions.hdf5 (Hypersim)"
         )
     if where.name == "images.txt":
         return _colmap(where.parent)
@@ -212,8 +213,9 @@ def write_cameras(path: StrPath, cameras: Sequence[Camera]) -> None:
 
     The file holds ``{"axes": "opencv", "cameras": [...]}``. Each camera has ``"name"``, ``"pose"`` (four rows
     of four: from camera to world, in metres), ``"intrinsics"`` (three rows of three, pixel centres at whole
-    numbers), ``"width"`` and ``"height"``. What is the same for all may stand beside ``"cameras"``. Files that
-    others write may have ``"axes": "opengl"``: x right, y up, z backward, as USD, Alembic and Blender have them.
+    numbers), ``"width"`` and ``"height"``. What is the same for all may stand beside ``"cameras"``. Files
+    that others write may have ``"axes": "opengl"``: x right, y up, z backward, as in USD, Alembic and
+    Blender.
 
     Parameters
     ----------
@@ -294,8 +296,8 @@ def _colmap(folder: Path) -> list[Camera]:
             continue
         if len(words) < 5 or words[1] not in _COLMAP_MODELS:
             raise ValueError(
-                f"{path}, line {number}: a camera must be without distortion, SIMPLE_PINHOLE or PINHOLE (COLMAP's "
-                f"image_undistorter makes such); got {shortened(' '.join(words[1:2]))!r}"
+                f"{path}, line {number}: a camera must be without distortion, SIMPLE_PINHOLE or PINHOLE "
+                f"(COLMAP's image_undistorter makes such); got {shortened(' '.join(words[1:2]))!r}"
             )
         order = _COLMAP_MODELS[words[1]]
         values = _numbers(path, number, words[2:], 2 + max(order) + 1)
@@ -420,7 +422,10 @@ def _hypersim(folder: Path, size: tuple[int, int]) -> list[Camera]:
 
 
 def _tartanair(path: Path, size: tuple[int, int]) -> list[Camera]:
-    """Read a trajectory of TartanAir: position and quaternion x, y, z, w, in an aircraft's axes, 90 degrees wide."""
+    """Read a trajectory of TartanAir: position and quaternion x, y, z, w, in an aircraft's axes.
+
+    The pictures are 90 degrees wide.
+    """
     width, height = size
     focal_px = 0.5 * width / tan(radians(45.0))
     intrinsics = _matrix(focal_px, focal_px, 0.5 * (width - 1), 0.5 * (height - 1))

@@ -1,6 +1,7 @@
-"""What other views are worth: one layer, layers from views, and the layers that there are, against Mitsuba's thin lens.
+"""What other views are worth: one layer, layers from views, and true layers, against Mitsuba's thin lens.
 
-Run `python tests/bench/views.py`. The pictures are rendered with Mitsuba the first time and kept under build/scenes/.
+Run `python tests/bench/views.py`. The pictures are rendered with Mitsuba the first time and kept under
+build/scenes/.
 The noise of the reference is taken off.
 """
 

@@ -1,4 +1,4 @@
-"""Scenes of textured cards, by casting rays: pinholes anywhere, and the thin lens as the mean of many pinholes.
+"""Scenes of textured cards, by casting rays: pinholes anywhere, and the thin lens as the mean of many.
 
 A camera at the origin looks along +z, x to the right and y down, as OpenCV has it.
 """

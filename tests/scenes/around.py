@@ -9,7 +9,7 @@ import numpy as np
 from .bundle import CACHE, LAYERS, RECIPES, Recipe, load_capture
 from .camera import Camera
 
-# Fewer samples than the fidelity table's, whose pictures are fewer; what is noise in the reference is taken off.
+# Fewer samples than the fidelity table's, whose pictures are fewer; the reference's noise is taken off.
 PLAIN = Recipe(pinhole_spp=64, half_spp=256)
 TRACED = Recipe(pinhole_spp=100, half_spp=196, peel_spp=16, max_depth=4)
 
@@ -43,7 +43,7 @@ def intrinsics(width: int, height: int, fov: float = Camera.fov) -> np.ndarray:
 
 
 def render_around(name: str, width: int, height: int) -> dict[str, np.ndarray]:
-    """Render what the table needs: a reference with its layers, the other places, and the thin lens's halves."""
+    """Render what the table needs: a reference with its layers, the other places, the thin lens's halves."""
     from dofsim.mitsuba._capture import averaged
 
     start = time.perf_counter()
@@ -68,7 +68,7 @@ def render_around(name: str, width: int, height: int) -> dict[str, np.ndarray]:
 
 
 def load_around(name: str, width: int, height: int, folder: Path = CACHE) -> dict[str, np.ndarray]:
-    """Read what `render_around` gives from the cache, rendering it first where it is missing or out of date."""
+    """Read what `render_around` gives from the cache, rendering it first where that is missing or old."""
     digest = hashlib.sha256(repr((RECIPES[name], PLAIN, TRACED, LAYERS)).encode())
     for module in (name, *RECIPES[name].uses, "around", "camera", "capture", "shapes", "textures"):
         digest.update((Path(__file__).parent / f"{module}.py").read_bytes())

@@ -98,7 +98,7 @@ def _matched(frames: Sequence[Frame], cameras: Sequence[Camera]) -> list[Camera]
 class Pictures:
     """The pictures that were last read, for the frames that follow.
 
-    A frame holds itself and its neighbours; the next one needs one more, and so does the one that is read ahead.
+    A frame holds itself and its neighbours. The next one needs one more, and so does one that is read ahead.
     """
 
     def __init__(self) -> None:
@@ -156,7 +156,8 @@ def layered(
         if tuple(camera["size"]) != picture.shape[1::-1]:
             width, height = camera["size"]
             raise ValueError(
-                f"{file}: is of {picture.shape[1]} x {picture.shape[0]} pixels, and its camera of {width} x {height}"
+                f"{file}: is of {picture.shape[1]} x {picture.shape[0]} pixels, and its camera of "
+                f"{width} x {height}"
             )
     return dofsim.layers_from_views(
         [color, *(picture for picture, _ in others)],
