@@ -237,7 +237,7 @@ fn matrices(name: &str, given: &Bound<'_, PyAny>, side: usize, count: usize) -> 
     let numpy = given.py().import("numpy")?;
     let array = numpy
         .call_method1("asarray", (given, "float64"))
-        .and_then(|array| array.extract::<PyReadonlyArrayDyn<'_, f64>>().map_err(PyErr::from));
+        .and_then(|array| array.extract::<PyReadonlyArrayDyn<'_, f64>>());
     let array =
         array.map_err(|_| PyTypeError::new_err(format!("{name} must be numbers; got {}", shown(given))))?;
     let values: Vec<f64> = array.as_array().iter().copied().collect();
