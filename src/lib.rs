@@ -25,3 +25,4 @@ pub mod renderer;
 mod rows;
 mod scene;
 pub mod simd;
+pub mod views;

@@ -14,7 +14,7 @@ STOREYS = [
     {"noise"},
     {"color", "depth", "optics", "aperture", "files", "refine", "clipped", "matte"},
     {"scene"},
-    {"plan"},
+    {"plan", "views"},
     {"method"},
     {"cpu", "gpu"},
     {"device"},

@@ -18,6 +18,7 @@ from dofsim.metrics import psnr  # noqa: E402
 from dofsim.mitsuba._capture import averaged  # noqa: E402
 from fidelity import noiseless_psnr  # noqa: E402
 from oracle.gather import gather  # noqa: E402
+from scenes.around import intrinsics, poses, rim  # noqa: E402
 from scenes.camera import Camera  # noqa: E402
 from scenes.capture import Capture  # noqa: E402
 from scenes.shapes import X_RIGHT, bitmap, glow, wall  # noqa: E402
@@ -95,6 +96,30 @@ def test_a_second_layer_tells_what_one_can_only_guess(name):
     two = dofsim.render(color, depth, lens_of(CAMERA))[..., :3]
     one = dofsim.render(shot["color"], shot["depth"], lens_of(CAMERA))
     assert distance_db(two, shot["halves"]) > distance_db(one, shot["halves"]) + 2.0
+
+
+@pytest.mark.parametrize("name", ["spheres", "fence", "lights"])
+def test_what_other_views_saw_is_as_good_as_layers(name):
+    shot = pictures(name)
+    module = importlib.import_module(f"scenes.{name}")
+    lamps = module.lamps() if hasattr(module, "lamps") else None
+    capture = Capture(module.shapes(), CAMERA, lamps=lamps)
+    at = rim(8, CAMERA.aperture_radius)
+    seen = [capture.seen_from(place, WIDTH, HEIGHT, 16, lamp_spp=64, seed=7) for place in at]
+    layers, depths = dofsim.layers_from_views(
+        [shot["color"], *(color for color, _ in seen)],
+        [shot["depth"], *(depth for _, depth in seen)],
+        poses(np.concatenate([np.zeros((1, 3)), at])),
+        intrinsics(WIDTH, HEIGHT, CAMERA.fov),
+        lens=lens_of(CAMERA),
+    )
+    views = distance_db(dofsim.render(layers, depths, lens_of(CAMERA))[..., :3], shot["halves"])
+    color = shot["layers_color_1x"].copy()
+    color[0] = averaged(color[0], shot["layers_depth_1x"][0], shot["color"])
+    true = dofsim.render(color, np.ascontiguousarray(shot["layers_depth_1x"]), lens_of(CAMERA))[..., :3]
+    one = dofsim.render(shot["color"], shot["depth"], lens_of(CAMERA))
+    assert views > distance_db(true, shot["halves"]) - 3.0
+    assert views > distance_db(one, shot["halves"]) + {"lights": 0.0}.get(name, 2.0)
 
 
 @pytest.mark.parametrize("name", ["spheres", "fence", "hair", "lights"])

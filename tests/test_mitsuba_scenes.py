@@ -420,3 +420,36 @@ def test_captures_and_comparisons_show_themselves():
         assert "32 x 32 pixels" in repr(capture)
         assert len(repr(capture)) < 250
         assert capture._repr_png_().startswith(b"\x89PNG")
+
+
+def test_views_around_the_lens_see_what_the_pinhole_does_not():
+    scene = words({"type": "thinlens", "aperture_radius": 0.4, "focus_distance": 9.0})
+    capture = rgbd(scene, spp=16, views=6)
+    assert capture.color.shape == (2, HEIGHT, WIDTH, 4)
+    np.testing.assert_array_equal(capture.color[0, ..., :3], rgbd(scene, spp=16).color)
+    np.testing.assert_array_equal(capture.depth[0], rgbd(scene, spp=16).depth)
+    behind = capture.color[1, ..., 3] > 0.0
+    assert behind.sum() > 40
+    # What the near ball hides is the wall, or the far ball.
+    assert set(np.round(capture.depth[1][behind])) <= {6.0, 9.0}
+    found = compare(scene, spp=64, views=6, pinhole_spp=16, progress=False)
+    assert found.one_layer is not None
+    assert found.distances["overall"].psnr > found.one_layer.psnr - 0.2
+    assert "overall, one layer" in str(found)
+    assert "pinhole, 6 views and depths" in found.seconds
+    wider = rgbd(scene, spp=4, views=4, overscan=8, supersample=2)
+    assert wider.color.shape[1:] == (2 * (HEIGHT + 16), 2 * (WIDTH + 16), 4)
+    assert wider.render().shape == (HEIGHT, WIDTH, 4)
+    assert len(wider.color) > 1
+
+
+def test_views_are_of_a_lens_and_take_the_place_of_layers():
+    for options, message in (
+        ({"layers": 2}, "views and layers exclude each other; got 2 views and 2 layers"),
+        ({"camera": {"type": "perspective"}}, "views are points of a lens, and sensor 0 is a pinhole; got 2"),
+    ):
+        scene = words(options.pop("camera", THIN_LENS))
+        with pytest.raises(ValueError, match=message):
+            rgbd(scene, views=2, **options)
+    with pytest.raises(ValueError, match="views must be at least 0; got -1"):
+        rgbd(words(), views=-1)

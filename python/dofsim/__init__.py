@@ -12,12 +12,14 @@ from dofsim._dofsim import (
     coc,
     devices,
     layers_from_matte,
+    layers_from_views,
     refine_depth,
     render,
     restore_highlights,
     sensors,
 )
 from dofsim._focus import focus_pull
+from dofsim.cameras import Camera
 
 if TYPE_CHECKING:
     from dofsim.picker import FocusPicker as FocusPicker
@@ -28,6 +30,7 @@ SENSORS: dict[str, tuple[float, float]] = {name: (width, height) for name, width
 __all__ = [
     "SENSORS",
     "Aperture",
+    "Camera",
     "Device",
     "DeviceError",
     "Lens",
@@ -37,6 +40,7 @@ __all__ = [
     "devices",
     "focus_pull",
     "layers_from_matte",
+    "layers_from_views",
     "refine_depth",
     "render",
     "restore_highlights",

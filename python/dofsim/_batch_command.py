@@ -67,6 +67,24 @@ def batch_command(
             rich_help_panel=_FRAMES,
         ),
     ] = True,
+    cameras: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Where the camera of each frame stands: transforms.json, COLMAP's folder, or JSON as "
+            "dofsim.cameras describes it; for --neighbours.",
+            rich_help_panel=_FRAMES,
+        ),
+    ] = None,
+    neighbours: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            metavar="N",
+            help="Give each frame what the N frames beside it saw of what it hides.",
+            rich_help_panel=_FRAMES,
+        ),
+    ] = 0,
     workers: Annotated[
         int,
         typer.Option(
@@ -187,7 +205,11 @@ def batch_command(
         if workers != 1:
             raise ValueError("--workers is for this machine; the cluster of --dask has its own")
         output = output.absolute()
-    rows = list(_rows(color, depth, manifest, output))[:limit]
+    if (cameras is None) != (neighbours == 0):
+        raise ValueError("--cameras and --neighbours need each other")
+    rows = list(_rows(color, depth, manifest, output))
+    # The first frames have neighbours beyond the limit.
+    rows = rows if neighbours else rows[:limit]
     if dask not in (None, "local"):
         # Workers elsewhere stand in other folders.
         rows = [
@@ -252,7 +274,14 @@ def batch_command(
         except ValueError as error:
             raise ValueError(f"{row.color}: {error}" if row.lens else str(error)) from error
         frames.append(frame)
-    lists = [path for path in (manifest, lens_file, opening.get("image")) if isinstance(path, (str, Path))]
+    if cameras is not None:
+        from .batch import with_neighbours
+        from .cameras import read_cameras
+
+        frames = with_neighbours(frames, read_cameras(cameras), neighbours)[:limit]
+    lists = [
+        path for path in (manifest, lens_file, cameras, opening.get("image")) if isinstance(path, (str, Path))
+    ]
     _check_paths(frames, output, [Path(path) for path in lists], [one for one in (color, depth) if one])
     _console.wake(render_options.device, verbose=verbose)
     _check_options(frames[0])

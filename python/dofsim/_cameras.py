@@ -94,6 +94,22 @@ def blender_aperture(camera: Any) -> tuple[float, float, float]:
     return blades, rotation or 0.0, 1.0 if ratio is None else ratio
 
 
+def blender_view(camera: Any) -> dict[str, Any]:
+    """Read what a Blender camera sees: its focal length, its sensor, and how far the picture is shifted."""
+    words = _blender_words(camera)
+    fit = _text(words, "sensor_fit", "AUTO")
+    if fit not in ("AUTO", "HORIZONTAL", "VERTICAL"):
+        raise ValueError(f'sensor_fit must be "AUTO", "HORIZONTAL" or "VERTICAL"; got {_quoted(fit)}')
+    name, default = ("sensor_height", 24.0) if fit == "VERTICAL" else ("sensor_width", 36.0)
+    return {
+        "lens_mm": _required(words, "the camera", "lens"),
+        "sensor_fit": fit,
+        "sensor_mm": _number(words, name) or default,
+        "shift_x": _number(words, "shift_x") or 0.0,
+        "shift_y": _number(words, "shift_y") or 0.0,
+    }
+
+
 def _loaded_sensor(sensor: Any) -> dict[str, Any]:
     """Read a loaded sensor through Mitsuba's traverse; its field of view is always along x."""
     import mitsuba
@@ -187,7 +203,7 @@ def _parameters(
 
 
 def _blender_words(camera: Any) -> dict[str, Any]:
-    words = _json_file(camera) if _is_path(camera) else camera
+    words = json_file(camera) if _is_path(camera) else camera
     if not isinstance(words, dict):
         raise TypeError(
             "camera must be a dictionary or the path of a JSON file that holds one; got "
@@ -196,7 +212,7 @@ def _blender_words(camera: Any) -> dict[str, Any]:
     return words
 
 
-def _json_file(path: Any) -> Any:
+def json_file(path: Any) -> Any:
     check_regular(path)
     try:
         return json.loads(read_text(path))

@@ -3,7 +3,7 @@ from os import PathLike
 from typing import Any, Literal, TypeAlias, TypedDict, TypeVar, final, overload, type_check_only
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from typing_extensions import Unpack
 
 __all__ = [
@@ -28,6 +28,7 @@ __all__ = [
     "file_kind",
     "focusable_pixels",
     "layers_from_matte",
+    "layers_from_views",
     "methods_available",
     "parse_profile",
     "read_exr",
@@ -57,6 +58,8 @@ _Device: TypeAlias = str
 _FovAxis: TypeAlias = Literal["x", "y", "diagonal", "smaller", "larger"]
 _Invalid: TypeAlias = Literal["raise", "far"]
 _InvalidColor: TypeAlias = Literal["raise", "fill"]
+_Picture: TypeAlias = NDArray[np.floating[Any]] | NDArray[np.integer[Any]]
+_Pictures: TypeAlias = _Picture | Sequence[_Picture]
 _Pair: TypeAlias = tuple[float, float]
 _Path: TypeAlias = str | PathLike[str]
 _Transfer: TypeAlias = Literal["linear", "srgb"]
@@ -682,6 +685,26 @@ def layers_from_matte(
     depth: NDArray[np.floating[Any]],
     *,
     transfer: _Transfer | None = None,
+    threads: int | None = None,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
+def layers_from_views(
+    colors: _Pictures,
+    depths: NDArray[np.floating[Any]] | Sequence[NDArray[np.floating[Any]]],
+    poses: ArrayLike,
+    intrinsics: ArrayLike,
+    *,
+    reference: int = 0,
+    layers: int = 4,
+    lens: Lens | None = None,
+    depth_kind: _DepthKind = "z",
+    near: float | None = None,
+    far: float | None = None,
+    invalid: _Invalid = "raise",
+    invalid_color: _InvalidColor = "raise",
+    alpha: _Alpha | None = None,
+    transfer: _Transfer | None = None,
+    overscan: int = 0,
+    supersample: int = 1,
     threads: int | None = None,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
 def restore_highlights(

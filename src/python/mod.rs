@@ -21,6 +21,7 @@ mod render;
 mod run;
 mod samples;
 mod scene;
+mod views;
 
 use pyo3::prelude::*;
 
@@ -63,6 +64,8 @@ pub mod _dofsim {
     use super::run::simd_available;
     #[pymodule_export]
     use super::scene::PyScene;
+    #[pymodule_export]
+    use super::views::layers_from_views;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

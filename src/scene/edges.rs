@@ -26,7 +26,7 @@ fn distance(before: f32, a: f32, b: f32, after: f32) -> f32 {
 }
 
 /// Whether neighbours are on one surface.
-fn connected(before: f32, a: f32, b: f32, after: f32) -> bool {
+pub fn connected(before: f32, a: f32, b: f32, after: f32) -> bool {
     distance(before, a, b, after) < 1.0
 }
 
@@ -135,7 +135,7 @@ fn broken_connections(s: &[f32], width: usize, height: usize, y: usize) -> Vec<(
 }
 
 /// The largest distance that [`distance_to_edges`] can represent.
-const FAR_PX: u8 = 48;
+pub const FAR_PX: u8 = 48;
 /// Rows whose distances are found together.
 const BAND: usize = 96;
 

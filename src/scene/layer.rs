@@ -17,3 +17,10 @@ pub struct SceneLayer {
     /// for a layer whose cells are not pixels of the picture.
     pub connectivity: Arc<Vec<u8>>,
 }
+
+impl SceneLayer {
+    /// Whether the cell at a pixel covers it only partly.
+    pub fn covers_partly(&self, index: usize) -> bool {
+        self.partial.binary_search_by_key(&index, |(partial, _)| *partial).is_ok()
+    }
+}

@@ -11,16 +11,17 @@ use super::depth_noise::without_noise;
 use super::depth_spans::{self, DepthSpans};
 use super::edges::{self, CONNECTED_PX, EDGE};
 use super::half_plane::HalfPlane;
-use super::highlights::{self, Bright};
+use super::highlights::{self, Bright, HIGHLIGHT_RATIO};
 use super::inpaint::{self, Hidden, SAME_SURFACE_PX};
 use super::layer::SceneLayer;
-use super::matting::{FrontLayer, MixedPixel, unmix};
+use super::matting::{FrontLayer, MixedPixel, Separated, unmix};
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::memory::Buffer;
 use crate::picture::{KnownCoverage, Layer, Picture, Size};
 use crate::simd::Simd;
 use rayon::prelude::*;
+use std::collections::HashSet;
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
@@ -154,7 +155,7 @@ fn from_one_layer(
     let connectivity = edges::connectivity(&s, size.width, size.height);
     let colors = Colors::new(size, Arc::clone(&layer.color));
     let frame = FrontLayer { size, lights, color: &layer.color, s: &s, connectivity: &connectivity, known };
-    let mixed = unmix(&frame, cancel)?;
+    let mixed = unmix(&frame, Separated::All, cancel)?;
     if mixed.is_empty() {
         let front = SceneLayer {
             s: Arc::new(s),
@@ -167,16 +168,9 @@ fn from_one_layer(
     let partial = half_planes(&frame, &mixed);
     let hidden = inpaint::hidden(&frame, &s, &mixed, cancel)?;
 
-    // A mixed pixel has both surfaces. If its coverage turns out to be zero, it belongs to the surface behind alone.
-    let (both, behind): (Vec<MixedPixel>, Vec<MixedPixel>) = mixed.iter().partition(|m| m.coverage > 0.0);
-    let own = |index: usize, color: [f32; 4]| CellColor { index, color };
-    let front_colors = both.iter().map(|m| own(m.index, m.front));
-    let front_colors = front_colors.chain(behind.iter().map(|m| own(m.index, m.back))).collect();
+    let (front_colors, both) = split(&mixed, &mut s);
     let back = both.iter().map(|m| (m.index, m.s_back, m.back));
     let back = layer_of_cells(size, back.chain(hidden.iter().map(|h| (h.index, h.s, h.color))));
-
-    both.iter().for_each(|m| s[m.index] = m.s_front);
-    behind.iter().for_each(|m| s[m.index] = m.s_back);
     let front = SceneLayer {
         s: Arc::new(s),
         colors: colors.with(front_colors),
@@ -184,6 +178,68 @@ fn from_one_layer(
         connectivity: Arc::new(connectivity),
     };
     Ok(LayeredScene::new(size, vec![front, back], true, simd))
+}
+
+/// Gives mixed pixels the shifts of their surfaces in front. Returns these surfaces' colours, and the pixels that have both
+/// surfaces.
+fn split(mixed: &[MixedPixel], s: &mut [f32]) -> (Vec<CellColor>, Vec<MixedPixel>) {
+    // A mixed pixel has both surfaces. If its coverage turns out to be zero, it belongs to the surface behind alone.
+    let (both, behind): (Vec<MixedPixel>, Vec<MixedPixel>) = mixed.iter().partition(|m| m.coverage > 0.0);
+    let own = |index: usize, color: [f32; 4]| CellColor { index, color };
+    let colors = both.iter().map(|m| own(m.index, m.front));
+    let colors = colors.chain(behind.iter().map(|m| own(m.index, m.back))).collect();
+    both.iter().for_each(|m| s[m.index] = m.s_front);
+    behind.iter().for_each(|m| s[m.index] = m.s_back);
+    (colors, both)
+}
+
+/// Takes the pixels of a first layer apart that mix a lamp and another surface: what one pixel has too much of a surface its
+/// neighbour has too little of, but a lamp would be seen at the other one's depth. What of the surfaces behind is in none of
+/// the other layers is put there in the order of depth. Returns the cells for which there was no room.
+fn take_lamps_apart(
+    frame: &FrontLayer,
+    front: &mut SceneLayer,
+    others: &mut [SceneLayer],
+    cancel: &Cancel,
+) -> Result<Vec<Hidden>> {
+    let lamps = Separated::Outshining { times: HIGHLIGHT_RATIO, light: frame.median_light() };
+    let mixed = unmix(frame, lamps, cancel)?;
+    let mut s = Buffer::clone(&front.s);
+    front.partial = Arc::new(half_planes(frame, &mixed));
+    let (colors, both) = split(&mixed, &mut s);
+    (front.s, front.colors) = (Arc::new(s), front.colors.with(colors));
+    Ok(sorted_in(others, &both))
+}
+
+/// Puts the surfaces behind mixed pixels into layers, in the order of depth, where those do not have them. Returns the cells
+/// for which there was no room: of each pixel the last one.
+fn sorted_in(layers: &mut [SceneLayer], mixed: &[MixedPixel]) -> Vec<Hidden> {
+    let mut left = Vec::new();
+    let mut colors = vec![Vec::new(); layers.len()];
+    let mut shifts: Vec<Buffer<f32>> = layers.iter().map(|layer| Buffer::clone(&layer.s)).collect();
+    for m in mixed {
+        if layers.iter().any(|layer| (layer.s[m.index] - m.s_back).abs() < SAME_SURFACE_PX) {
+            continue;
+        }
+        let nearer = layers.iter().rposition(|layer| layer.s[m.index] > m.s_back);
+        let first = nearer.map_or(0, |layer| layer + 1);
+        let mut cell = Some((m.s_back, m.back));
+        // Cells that cover their pixel in part keep their place.
+        if !layers[first..].iter().any(|layer| layer.covers_partly(m.index)) {
+            for layer in first..layers.len() {
+                let Some((s, color)) = cell else { break };
+                let old = layers[layer].s[m.index];
+                cell = (!old.is_nan()).then(|| (old, layers[layer].colors.at(m.index)));
+                shifts[layer][m.index] = s;
+                colors[layer].push(CellColor { index: m.index, color });
+            }
+        }
+        left.extend(cell.map(|(s, color)| Hidden { index: m.index, s, color }));
+    }
+    for ((layer, shifts), colors) in layers.iter_mut().zip(shifts).zip(colors) {
+        (layer.s, layer.colors) = (Arc::new(shifts), layer.colors.with(colors));
+    }
+    left
 }
 
 /// The layer that has only these cells: the pixel, the shift and the colour of each.
@@ -277,7 +333,25 @@ fn from_layers(
         .collect::<Result<Vec<_>>>()?;
     let covered = |i: usize| layers.iter().any(|l| l.color[alpha * n + i] >= 1.0);
     let opaque = (0..n).into_par_iter().all(covered);
-    let hidden = hidden_by_all(size, lights, layers, &built, cancel)?;
+    let mut hidden = hidden_by_all(size, lights, layers, &built, cancel)?;
+    // A first layer without gaps is a picture.
+    if layers[0].color[alpha * n..].iter().all(|a| *a >= 1.0)
+        && let Some((front, others)) = built.split_first_mut()
+    {
+        let (s, connectivity) = (Arc::clone(&front.s), Arc::clone(&front.connectivity));
+        let frame = FrontLayer {
+            size,
+            lights,
+            color: &layers[0].color,
+            s: &s,
+            connectivity: &connectivity,
+            known: &[],
+        };
+        let left = take_lamps_apart(&frame, front, others, cancel)?;
+        let taken: HashSet<usize> = left.iter().map(|cell| cell.index).collect();
+        hidden.retain(|cell| !taken.contains(&cell.index));
+        hidden.extend(left);
+    }
     if !hidden.is_empty() {
         built.push(layer_of_cells(size, hidden.iter().map(|h| (h.index, h.s, h.color))));
     }

@@ -49,6 +49,14 @@ impl FrontLayer<'_> {
         std::array::from_fn(|c| if c < self.size.channels { self.color[c * n + i] } else { 0.0 })
     }
 
+    /// The median of the light of all pixels, as the length of their colours.
+    pub fn median_light(&self) -> f32 {
+        let light = |i: usize| self.norm2(self.color_at(i)).sqrt();
+        let mut all: Vec<f32> = (0..self.size.pixels()).into_par_iter().map(light).collect();
+        let middle = all.len() / 2;
+        *all.select_nth_unstable_by(middle, f32::total_cmp).1
+    }
+
     /// The squared length of the light of a colour.
     fn norm2(&self, color: [f32; 4]) -> f32 {
         color[..self.lights].iter().map(|c| c * c).sum()
@@ -140,8 +148,29 @@ fn extreme_color(
         .map(|(_, color)| color)
 }
 
-/// Separates one edge pixel; `None` if no pure colour is known of either surface.
-fn unmix_pixel(frame: &FrontLayer, x: usize, y: usize) -> Option<MixedPixel> {
+/// Which edge pixels are separated.
+#[derive(Clone, Copy)]
+pub enum Separated {
+    All,
+    /// Those with a surface that is so many times as bright as the other one, and as this light.
+    Outshining {
+        times: f32,
+        light: f32,
+    },
+}
+
+impl Separated {
+    /// How much a pixel of these two colours is separated: from none at the limit on, and all from twice the limit on.
+    fn strength(self, frame: &FrontLayer, a: [f32; 4], b: [f32; 4]) -> f32 {
+        let Separated::Outshining { times, light } = self else { return 1.0 };
+        let (a, b) = (frame.norm2(a).sqrt(), frame.norm2(b).sqrt());
+        let limit = times * a.min(b).max(light);
+        (a.max(b) / limit.max(f32::MIN_POSITIVE) - 1.0).clamp(0.0, 1.0)
+    }
+}
+
+/// Separates one edge pixel; `None` if no pure colour is known of either surface, or it is not to be separated.
+fn unmix_pixel(frame: &FrontLayer, separated: Separated, x: usize, y: usize) -> Option<MixedPixel> {
     let index = y * frame.size.width + x;
     let around = || {
         let offsets = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy)));
@@ -162,6 +191,11 @@ fn unmix_pixel(frame: &FrontLayer, x: usize, y: usize) -> Option<MixedPixel> {
         (Some(front), None) => (front, (extreme_color(frame, x, y, s_back, front.0)?, front.1)),
         (None, None) => return None,
     };
+    let share = separated.strength(frame, front, back);
+    if share <= 0.0 {
+        return None;
+    }
+    let strength = strength * share;
 
     // The coverage as depth alone suggests it: the [1 2 1]^2 average of "in front".
     let middle = 0.5 * (s_front + s_back);
@@ -314,13 +348,13 @@ impl Pixel<'_> {
     }
 }
 
-/// All edge pixels that could be separated, in scan order.
-pub fn unmix(frame: &FrontLayer, cancel: &Cancel) -> Result<Vec<MixedPixel>> {
+/// The edge pixels that are to be separated and could be, in scan order.
+pub fn unmix(frame: &FrontLayer, separated: Separated, cancel: &Cancel) -> Result<Vec<MixedPixel>> {
     let row = |y: usize| {
         cancel.check()?;
         let edges =
             (0..frame.size.width).filter(|x| frame.connectivity[y * frame.size.width + x] & EDGE != 0);
-        Ok(edges.filter_map(|x| unmix_pixel(frame, x, y)).collect::<Vec<_>>())
+        Ok(edges.filter_map(|x| unmix_pixel(frame, separated, x, y)).collect::<Vec<_>>())
     };
     let rows = (0..frame.size.height)
         .into_par_iter()
@@ -351,6 +385,7 @@ mod tests {
         let connectivity = super::super::edges::connectivity(&s, w, h);
         let mixed = unmix(
             &FrontLayer { size, lights: 1, color: &color, s: &s, connectivity: &connectivity, known: &[] },
+            Separated::All,
             &Cancel::default(),
         )
         .unwrap();
@@ -374,7 +409,7 @@ mod tests {
         let connectivity = super::super::edges::connectivity(&s, w, h);
         let frame =
             FrontLayer { size, lights: 1, color: &color, s: &s, connectivity: &connectivity, known: &[] };
-        unmix(&frame, &Cancel::default()).unwrap()
+        unmix(&frame, Separated::All, &Cancel::default()).unwrap()
     }
 
     #[test]

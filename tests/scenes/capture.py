@@ -1,5 +1,6 @@
 """What a scene looks like: through a pinhole, through the lens, as depth, and peeled into layers."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import mitsuba as mi
@@ -9,6 +10,7 @@ from dofsim.mitsuba._view import View, render
 from numpy.typing import NDArray
 
 from .camera import Camera
+from .shapes import X_RIGHT
 
 Array = NDArray[np.float32]
 
@@ -52,9 +54,11 @@ class Capture:
             {"type": "scene", "integrator": {"type": "path", "max_depth": max_depth}, **shapes}
         )
 
-    def _view(self, width: int, height: int) -> View:
+    def _view(self, width: int, height: int, at: Sequence[float] = (0.0, 0.0, 0.0)) -> View:
+        to_world = np.eye(4)
+        to_world[:3, 3] = at * np.array([X_RIGHT, -1.0, 1.0])
         return View(
-            to_world=np.eye(4),
+            to_world=to_world,
             x_fov=self.camera.fov,
             clip=(0.01, 1e4),
             offset=(0.0, 0.0),
@@ -63,8 +67,9 @@ class Capture:
             focus_distance=self.camera.focus_distance,
         )
 
-    def _render_lamps(self, kind: str, width: int, height: int, spp: int, seed: int) -> Array:
-        sensor = self._view(width, height).sensor(kind, sampler="independent")
+    def _render_lamps(self, kind: str, view: View, spp: int, seed: int) -> Array:
+        sensor = view.sensor(kind, sampler="independent")
+        width, height = view.size
         tracer = mi.load_dict({"type": "ptracer", "max_depth": 1})
         launches = -(-spp * width * height // SAMPLES_PER_LAUNCH)
         total = np.zeros((height, width, 3))
@@ -81,19 +86,33 @@ class Capture:
             )
         return (total / launches).astype(np.float32)
 
-    def _take(self, kind: str, width: int, height: int, spp: int, lamp_spp: int, seed: int) -> Array:
-        picture = render(self.without_lamps, self._view(width, height), kind, spp=spp, seed=seed)
+    def _take(self, kind: str, view: View, spp: int, lamp_spp: int, seed: int) -> Array:
+        picture = render(self.without_lamps, view, kind, spp=spp, seed=seed)
         if self.only_lamps is None:
             return picture
-        return picture + self._render_lamps(kind, width, height, lamp_spp, seed)
+        return picture + self._render_lamps(kind, view, lamp_spp, seed)
 
     def pinhole(self, width: int, height: int, spp: int, lamp_spp: int = 256, seed: int = 0) -> Array:
         """Render (height, width, 3) linear colours through a pinhole, averaged over each pixel's square."""
-        return self._take("perspective", width, height, spp, lamp_spp, seed)
+        return self._take("perspective", self._view(width, height), spp, lamp_spp, seed)
 
     def thin_lens(self, width: int, height: int, spp: int, lamp_spp: int = 256, seed: int = 1) -> Array:
         """Render (height, width, 3) linear colours through the lens, averaged over each pixel's square."""
-        return self._take("thinlens", width, height, spp, lamp_spp, seed)
+        return self._take("thinlens", self._view(width, height), spp, lamp_spp, seed)
+
+    def lens_from(
+        self, at: Sequence[float], width: int, height: int, spp: int, lamp_spp: int = 256, seed: int = 1
+    ) -> Array:
+        """Render colours through a lens so many metres to the right, down and forward."""
+        return self._take("thinlens", self._view(width, height, at), spp, lamp_spp, seed)
+
+    def seen_from(
+        self, at: Sequence[float], width: int, height: int, spp: int, lamp_spp: int = 256, seed: int = 0
+    ) -> tuple[Array, Array]:
+        """Render colours and depth through a pinhole so many metres to the right, down and forward."""
+        view = self._view(width, height, at)
+        _, depth = peel(self.scene, view, 1, spp=0, seed=seed)
+        return self._take("perspective", view, spp, lamp_spp, seed), depth[0]
 
     def peel(self, width: int, height: int, layers: int, spp: int = 1, seed: int = 2) -> tuple[Array, Array]:
         """Sample the surfaces one behind another along the ray through each pixel's centre."""

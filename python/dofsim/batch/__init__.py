@@ -14,8 +14,9 @@ relative disparity one scale. How nothing is lost:
 It guards against the death of processes, not of the machine: files are not forced out to the disk one by one.
 """
 
-from .frames import OUTPUTS, Frame, Result
+from .frames import OUTPUTS, Frame, Neighbour, Result
 from .manifest import Row, read_manifest
+from .neighbours import with_neighbours
 from .pairs import Pairing, pair_files
 from .pipeline import map_frames
 from .relative import depth_range
@@ -23,6 +24,7 @@ from .relative import depth_range
 __all__ = [
     "OUTPUTS",
     "Frame",
+    "Neighbour",
     "Pairing",
     "Result",
     "Row",
@@ -30,4 +32,5 @@ __all__ = [
     "map_frames",
     "pair_files",
     "read_manifest",
+    "with_neighbours",
 ]

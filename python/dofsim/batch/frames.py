@@ -23,6 +23,31 @@ OUTPUTS: tuple[Output, ...] = get_args(Output)
 
 
 @dataclass(frozen=True, kw_only=True)
+class Neighbour:
+    """A picture beside a frame: another frame of the shot, or the other one of a stereo pair.
+
+    Attributes
+    ----------
+    color : Path
+        File of the picture. Paths may be given as strings.
+    depth : Path, optional
+        File of the depth; without it the depth is in the file of the picture.
+    camera : mapping
+        ``pose`` and ``intrinsics`` as of `dofsim.layers_from_views`, and ``size``, width and height.
+    """
+
+    color: Path
+    camera: Mapping[str, Any]
+    depth: Path | None = None
+
+    def __post_init__(self) -> None:
+        """Turn paths into paths."""
+        for name in ("color", "depth"):
+            if (path := getattr(self, name)) is not None:
+                object.__setattr__(self, name, Path(path))
+
+
+@dataclass(frozen=True, kw_only=True)
 class Frame:
     """One picture to be rendered: where it comes from, where it goes, and how.
 
@@ -54,6 +79,10 @@ class Frame:
         (OpenEXR), which of these pixels are within the depth of field (PNG, white), and a focal stack.
     sharp_radius_px : float
         The largest radius of the circle of confusion that counts as within the depth of field.
+    camera : mapping, optional
+        The frame's own camera, as of `Neighbour`.
+    neighbours : tuple of Neighbour
+        Pictures that see what this one hides; see `dofsim.layers_from_views` and `with_neighbours`.
     slices : int
         Pictures of the focal stack. Their distances are evenly spaced in disparity from the nearest to the
         farthest finite depth of the frame.
@@ -79,6 +108,8 @@ class Frame:
     outputs: tuple[Output, ...] = ("picture",)
     sharp_radius_px: float = 0.5
     slices: int = 0
+    camera: Mapping[str, Any] | None = None
+    neighbours: tuple[Neighbour, ...] = ()
 
     def __post_init__(self) -> None:
         """Turn paths into paths and refuse what no frame can be."""
@@ -94,6 +125,9 @@ class Frame:
                 f"slices must be positive and at most {_MOST_SLICES} with a stack and 0 without; "
                 f"got {self.slices}"
             )
+        object.__setattr__(self, "neighbours", tuple(self.neighbours))
+        if self.neighbours and self.camera is None:
+            raise ValueError("camera must be given with neighbours")
         if not self.sharp_radius_px > 0:
             raise ValueError(f"sharp_radius_px must be positive; got {self.sharp_radius_px}")
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from . import work
-from .frames import Frame, Result
+from .frames import Frame, Neighbour, Result
 from .workers import Processes
 
 S = TypeVar("S")
@@ -42,6 +42,7 @@ def map_frames(
         frame and gives back a small record. Without it this process reads the next frame and writes the last
         one while it computes; no more than one frame is then computed, two read and two written at a time,
         whatever their number: memory for the pixels of five frames (of a stack, all slices).
+        Neighbours are read once, and as many pictures are kept as a frame has neighbours, and two.
     in_flight : int, optional
         Frames handed to the executor before the first of them is done. Their pixels are only in its workers.
     resume : bool, optional
@@ -174,7 +175,9 @@ def _distinct(frames: Iterable[Frame]) -> Iterator[Frame]:
         outputs = {path.resolve() for path in (frame.record, *frame.files.values())}
         if not written.isdisjoint(outputs):
             raise ValueError(f"{frame.output}: an earlier frame has the same output")
-        inputs = {path.resolve(): path for path in (frame.color, frame.depth) if path is not None}
+        pictures: list[Frame | Neighbour] = [frame, *frame.neighbours]
+        files = [path for one in pictures for path in (one.color, one.depth) if path is not None]
+        inputs = {path.resolve(): path for path in files}
         # A frame that would overwrite its own input fails alone.
         both = [inputs[path] for path in inputs if path in written]
         if both := both + [read[path] for path in outputs if path in read]:

@@ -16,7 +16,7 @@ from dofsim import _dofsim
 from dofsim._files import read_text
 from dofsim._report import distribution
 
-from .frames import Frame
+from .frames import Frame, Neighbour
 
 # The distribution over the frames of a run, in the folder of the results.
 SUMMARY = "summary.json"
@@ -42,8 +42,10 @@ def fingerprint(frame: Frame) -> str:
     OSError
         If an input is not there.
     """
-    inputs = [_stamp(path) for path in (frame.color, frame.depth) if path is not None]
+    pictures: list[Frame | Neighbour] = [frame, *frame.neighbours]
+    inputs = [_stamp(path) for one in pictures for path in (one.color, one.depth) if path is not None]
     words = {name: value for name, value in _parameters(frame).items() if name not in ("color", "depth")}
+    words["neighbours"] = [one.camera for one in frame.neighbours]
     text = json.dumps(_plain([dofsim.__version__, inputs, words]), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -149,6 +151,8 @@ def _plain(value: Any) -> Any:
     """Put into the words that JSON has; infinity has none and becomes text, which ``float`` understands."""
     if isinstance(value, dofsim.Aperture):
         return _plain(value.__getnewargs_ex__()[1])
+    if isinstance(value, Neighbour):
+        return _plain(vars(value))
     if isinstance(value, Mapping):
         return {str(name): _plain(one) for name, one in value.items()}
     if isinstance(value, (np.ndarray, np.generic)):

@@ -20,13 +20,16 @@ from dofsim._frame import Framed, read_framed, squeezed
 from dofsim._report import Report
 from dofsim._save import Alpha, SampleType
 
-from .frames import Frame, Result
+from .frames import Frame, Neighbour, Result
+from .neighbours import Pictures, layered
 from .records import fingerprint, is_done, write_record
 
 T = TypeVar("T")
 
 _DEPTH_WORDS = ("depth_kind", "near", "far", "depth_range")
+_REFINING_WORDS = ("depth_kind", "near", "far", "invalid", "invalid_color", "threads")
 _SCENE_WORDS = ("device", *_DEPTH_WORDS, "invalid", "invalid_color", "overscan", "supersample")
+_PICTURES = Pictures()
 # No frame after it can be written either, so this ends the run.
 _DISK_FULL = {errno.ENOSPC, errno.EDQUOT}
 
@@ -41,6 +44,7 @@ class Loaded:
     depth: NDArray[np.float32]
     framed: Framed | None = None
     channels: Mapping[str, Any] = field(default_factory=dict)
+    neighbours: tuple[Framed, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -119,7 +123,16 @@ def _read(frame: Frame, resume: bool) -> Loaded | Result:
     words = dict(frame.reading)
     alpha = words.pop("alpha", None)
     grid = {name: frame.options[name] for name in ("overscan", "supersample") if name in frame.options}
-    framed = read_framed(frame.color, frame.depth, **grid, **words)
+    read_words = {**grid, **words}
+    beside: list[Framed] = []
+    if frame.neighbours:
+        keep = len(frame.neighbours) + 2
+        pictures: list[Frame | Neighbour] = [frame, *frame.neighbours]
+        framed, *beside = [
+            _PICTURES.read(one.color, one.depth, keep, read_words, read_framed) for one in pictures
+        ]
+    else:
+        framed = read_framed(frame.color, frame.depth, **read_words)
     rgbd = framed.rgbd
     image = rgbd.image
     return Loaded(
@@ -129,6 +142,7 @@ def _read(frame: Frame, resume: bool) -> Loaded | Result:
         depth=rgbd.depth,
         framed=framed,
         channels={"color_channels": rgbd.color_channels, "depth_channel": rgbd.depth_channel},
+        neighbours=tuple(beside),
     )
 
 
@@ -155,6 +169,7 @@ def render(loaded: Loaded) -> Rendered:
     kind = {name: options[name] for name in _DEPTH_WORDS if name in options}
     alpha: Alpha = "premultiplied" if image.alpha != "none" else "none"
     color = image.to_linear()
+    others = [(one.rgbd.image.to_linear(), one.rgbd.depth) for one in loaded.neighbours]
     # The margin that was found may be wider than the one that was asked for.
     margin = options.get("overscan", 0) if framed is None else framed.overscan
     finer = options.get("supersample", 1)
@@ -165,6 +180,8 @@ def render(loaded: Loaded) -> Rendered:
     if options.pop("refine", False):
         scene = dofsim.Scene(color, depth, refine=True, **scene_words)
         depth = scene.depth
+        given = {name: options[name] for name in _REFINING_WORDS if name in options}
+        others = [(one, dofsim.refine_depth(one, plane, alpha=alpha, **given)) for one, plane in others]
         framed = framed and replace(framed, rgbd=replace(framed.rgbd, depth=depth))
     seen = depth if framed is None else framed.seen_depth(finer)
     found = dict(loaded.channels)
@@ -201,11 +218,21 @@ def render(loaded: Loaded) -> Rendered:
         found["stack"] = {name: _focus(one) for name, one in slices.items()}
         lenses |= slices
     if lenses:
+        if others:
+            viewing = {name: value for name, value in scene_words.items() if name != "device"}
+            viewing["threads"] = options.get("threads")
+            layers, planes = layered(frame, color, depth, others, lens, **viewing)
+            found["layers"] = len(layers)
+            # What comes back is planar depth, and colours that are finite and have coverage.
+            scene_words = {name: value for name, value in scene_words.items() if name not in _DEPTH_WORDS}
+            scene = dofsim.Scene(layers, planes, **scene_words | {"alpha": "premultiplied"})
         scene = scene or dofsim.Scene(color, depth, **scene_words)
         if scene.filled_pixels:
             found["filled_pixels"] = scene.filled_pixels
         for name, one in lenses.items():
             picture = scene.render(one, **render_words)
+            if others:
+                picture = _as_given(picture, color)
             pixels[name] = picture if framed is None else framed.cut(picture)
     if {"coc", "mask"} & set(frame.outputs):
         radius = _coc(lens, depth, frame, kind, max_coc_px=options.get("max_coc_px"))
@@ -227,6 +254,11 @@ def render(loaded: Loaded) -> Rendered:
         seconds=time.perf_counter() - start,
         framed=framed,
     )
+
+
+def _as_given(picture: NDArray[Any], color: NDArray[Any]) -> NDArray[Any]:
+    """Give a picture of premultiplied colour the channels that another one has."""
+    return picture[..., 0] if color.ndim == 2 else picture[..., : color.shape[2]]
 
 
 def _write(rendered: Rendered) -> Result:

@@ -102,6 +102,7 @@ def rgbd(
     layers: int = 1,
     supersample: int = 1,
     overscan: int = 0,
+    views: int = 0,
     sensor: int = 0,
     seed: int = 0,
 ) -> Capture:
@@ -122,6 +123,10 @@ def rgbd(
         Pixels to one of the output, along each axis; `spp` counts for each of them.
     overscan : int, optional
         Pixels of the output added on every side, for what a lens sees from beyond the border.
+    views : int, optional
+        How many further pinholes on the rim of the lens are rendered, each as the first one. What they see
+        behind its surfaces comes as further layers, see `dofsim.layers_from_views`. 4 to 8 see nearly all
+        that the lens does, at the cost of as many pinhole renders.
     sensor : int, optional
         Which of the scene's sensors: a ``thinlens``, or a ``perspective`` one, whose lens is a pinhole.
     seed : int, optional
@@ -138,7 +143,8 @@ def rgbd(
         If it is given something else than a scene.
     ValueError
         If the scene has no sensor, or the sensor has no field of view or crops its film, if a number is out
-        of range, or if Mitsuba's variant is not an RGB one.
+        of range, if `views` is asked of a pinhole or beside `layers`, or if Mitsuba's variant is not an RGB
+        one.
 
     Warns
     -----
@@ -162,6 +168,7 @@ def rgbd(
         ("layers", layers, 1),
         ("supersample", supersample, 1),
         ("overscan", overscan, 0),
+        ("views", views, 0),
         ("seed", seed, 0),
     ):
         if value < least:
@@ -169,10 +176,29 @@ def rgbd(
     check_variant()
     loaded = load_scene(scene)
     seen = View.of(loaded, sensor)
+    check_views(views, layers, seen, sensor)
     warn_of_specular_shapes(loaded)
     return capture_of(
-        loaded, seen, sensor, spp=spp, layers=layers, supersample=supersample, overscan=overscan, seed=seed
+        loaded,
+        seen,
+        sensor,
+        spp=spp,
+        layers=layers,
+        supersample=supersample,
+        overscan=overscan,
+        views=views,
+        seed=seed,
     )
+
+
+def check_views(views: int, layers: int, seen: View, sensor: int) -> None:
+    """Refuse views that a capture cannot have."""
+    if views < 0:
+        raise ValueError(f"views must be at least 0; got {views}")
+    if views and layers > 1:
+        raise ValueError(f"views and layers exclude each other; got {views} views and {layers} layers")
+    if views and seen.aperture_radius == 0.0:
+        raise ValueError(f"views are points of a lens, and sensor {sensor} is a pinhole; got {views}")
 
 
 def capture_of(
@@ -184,6 +210,7 @@ def capture_of(
     layers: int,
     supersample: int,
     overscan: int = 0,
+    views: int = 0,
     seed: int,
     advance: Callable[[int], object] = lambda samples: None,
 ) -> Capture:
@@ -193,7 +220,28 @@ def capture_of(
     if layers == 1:
         _, depth = peel(scene, view, 1, spp=0, seed=seed)
         color = render(scene, view, "perspective", spp=squared(spp), seed=seed, advance=advance)
-        return Capture(color, depth[0], lens, supersample, overscan)
+        if not views:
+            return Capture(color, depth[0], lens, supersample, overscan)
+        colors, depths, seen_from = [color], [depth[0]], [view]
+        for number in range(views):
+            seen_from.append(view.on_rim(number, views))
+            # Other random numbers: noise is not seen twice.
+            another = seed + 1 + number
+            _, beside = peel(scene, seen_from[-1], 1, spp=0, seed=another)
+            depths.append(beside[0])
+            colors.append(
+                render(scene, seen_from[-1], "perspective", spp=squared(spp), seed=another, advance=advance)
+            )
+        color, depth = dofsim.layers_from_views(
+            colors,
+            depths,
+            np.stack([one.pose() for one in seen_from]),
+            view.intrinsics(),
+            lens=lens,
+            overscan=overscan,
+            supersample=supersample,
+        )
+        return Capture(color, depth, lens, supersample, overscan)
     color, depth = peel(scene, view, layers, spp=spp, seed=seed)
     if spp > 1:
         means = render(scene, view, "perspective", spp=squared(spp), seed=seed, advance=advance)

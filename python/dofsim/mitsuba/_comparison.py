@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from math import ceil
 from typing import TYPE_CHECKING, Any, Literal
@@ -18,7 +18,7 @@ import dofsim
 from .. import _compare, _shown, io, metrics
 from .._files import StrPath
 from .._progress import bar
-from ._capture import Capture, capture_of, squared, warn_of_specular_shapes
+from ._capture import Capture, capture_of, check_views, squared, warn_of_specular_shapes
 from ._variant import check_variant
 from ._view import View, load_scene, render
 
@@ -42,6 +42,8 @@ class Comparison:
         The regions that are measured apart, see `dofsim.metrics.regions`.
     distances : dict of str to Distance
         PSNR, SSIM and FLIP of each region.
+    one_layer : Distance, optional
+        That of the whole picture without what the further views saw, if there are some.
     noise : Distance, optional
         From one half of the reference's samples to all of them: what no method can measurably fall below.
         None for a reference that was given.
@@ -51,7 +53,7 @@ class Comparison:
     border : int
         Pixels along each edge that are not compared.
     seconds : dict of str to float
-        What dofsim, the pinhole picture with its depth, and the thin lens took.
+        What dofsim, the pinhole picture with its depth and with all further views, and the thin lens took.
     """
 
     picture: NDArray[np.float32]
@@ -63,10 +65,13 @@ class Comparison:
     pinhole_noise: _compare.Distance
     border: int
     seconds: Mapping[str, float]
+    one_layer: _compare.Distance | None = None
 
     def __str__(self) -> str:
         """Return a table of the regions, and the times."""
         rows = {**self.distances, "pinhole's noise": self.pinhole_noise}
+        if self.one_layer is not None:
+            rows["overall, one layer"] = self.one_layer
         if self.noise is not None:
             rows["reference's noise"] = self.noise
         lines = [f"{'':18}{'PSNR, dB':>10}{'SSIM':>9}{'FLIP':>9}"]
@@ -104,6 +109,7 @@ def compare(
     *,
     layers: int = 1,
     supersample: int = 1,
+    views: int = 0,
     pinhole_spp: int = 64,
     border: int | None = None,
     sensor: int = 0,
@@ -121,8 +127,8 @@ def compare(
     spp : int, optional
         The thin lens's samples a pixel; half of them have other random numbers than the rest, which tells the
         reference's noise.
-    layers, supersample, sensor, seed : int, optional
-        As for `rgbd`.
+    layers, supersample, views, sensor, seed : int, optional
+        As for `rgbd`. With `views`, the picture without them is measured, too.
     pinhole_spp : int, optional
         What `rgbd` calls `spp`.
     border : int, optional
@@ -167,11 +173,12 @@ def compare(
     if view.aperture_radius == 0.0:
         raise ValueError(f"sensor {sensor} must be a thinlens to be compared with")
 
+    check_views(views, layers, view, sensor)
     warn_of_specular_shapes(loaded)
     given = None if reference is None else _read_reference(reference, view.size)
     finer = view.finer(supersample)
     samples = {
-        "pinhole": squared(pinhole_spp) * (pinhole_spp > 1 or layers == 1),
+        "pinhole": (1 + views) * squared(pinhole_spp) * (pinhole_spp > 1 or layers == 1),
         "pinhole's halves": 2 * squared(-(-pinhole_spp // 2)),
     }
     total = sum(samples.values()) * finer.size[0] * finer.size[1]
@@ -186,6 +193,7 @@ def compare(
             spp=pinhole_spp,
             layers=layers,
             supersample=supersample,
+            views=views,
             seed=seed,
             advance=advance,
         )
@@ -198,12 +206,17 @@ def compare(
 
     pinholes = [_averaged(one, supersample) for one in pinholes]
     truth = given if given is not None else 0.5 * (halves[0] + halves[1])
-    first = capture.depth if layers == 1 else capture.depth[0]
+    first = capture.depth if capture.depth.ndim == 2 else capture.depth[0]
     # The pixel of the output is seen at its middle, or next to it.
     coc = dofsim.coc(first[supersample // 2 :: supersample, supersample // 2 :: supersample], capture.lens)
     if border is None:
         border = min(ceil(float(np.abs(coc).max())), min(coc.shape) // 8)
     masks = metrics.regions(coc)
+    taken = f"pinhole, {views} views and depths" if views else "pinhole and depth"
+    single = None
+    if views:
+        alone = replace(capture, color=capture.color[0, ..., :3], depth=first)
+        single = _compare.measure(alone.render(**options), truth, border=border)
     return Comparison(
         picture=picture,
         reference=truth,
@@ -215,9 +228,10 @@ def compare(
         border=border,
         seconds={
             "dofsim": rendered - captured,
-            "pinhole and depth": captured - start,
+            taken: captured - start,
             **({"thin lens": traced - rendered} if halves else {}),
         },
+        one_layer=single,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import atan, degrees, radians, tan
+from math import atan, cos, degrees, pi, radians, sin, tan
 from os import PathLike, fspath
 from typing import Any, Literal
 
@@ -112,6 +112,27 @@ class View:
     def finer(self, factor: int) -> View:
         """See the same on so many times the pixels along each axis."""
         return replace(self, size=(factor * self.size[0], factor * self.size[1]))
+
+    def on_rim(self, number: int, count: int) -> View:
+        """See the same from one of several points of the lens's rim, evenly spread."""
+        turn = 2.0 * pi * (number + 0.5) / count
+        to_world = self.to_world.copy()
+        axes = to_world[:3, :2] / np.linalg.norm(to_world[:3, :2], axis=0)
+        to_world[:3, 3] += self.aperture_radius * (axes @ [cos(turn), sin(turn)])
+        return replace(self, to_world=to_world)
+
+    def pose(self) -> NDArray[np.float64]:
+        """Give the camera-to-world pose in OpenCV's axes; Mitsuba's x runs to the left, and its y up."""
+        pose = self.to_world.copy()
+        pose[:3, :3] /= np.linalg.norm(pose[:3, :3], axis=0)
+        pose[:3, :2] *= -1.0
+        return pose
+
+    def intrinsics(self) -> NDArray[np.float64]:
+        """Give the camera's matrix in pixels, for pixel centres at whole numbers."""
+        focal_px = 0.5 * self.size[0] / tan(radians(0.5 * self.x_fov))
+        cx, cy = (n * (0.5 - offset) - 0.5 for n, offset in zip(self.size, self.offset, strict=True))
+        return np.array([[focal_px, 0.0, cx], [0.0, focal_px, cy], [0.0, 0.0, 1.0]])
 
     def sensor(
         self,
