@@ -123,11 +123,11 @@ fn steps_inside(cell: vec2<i32>, slope: vec2<f32>) -> i32 {
     for (var i = 0; i < 2; i++) {
         let inside = cell[i] % params.block;
         let last = params.block - 1;
-        if inside < 1 || inside >= last {
+        if inside < 2 || inside > last - 2 {
             return 0;
         }
-        // One cell beside, and one that rounding may gain.
-        let to_border = select(inside - 1, last - 1 - inside, slope[i] > 0.0);
+        // Two cells beside; rounding may gain one step.
+        let to_border = select(inside - 2, last - 2 - inside, slope[i] > 0.0);
         if slope[i] != 0.0 {
             steps = min(steps, f32(to_border) / abs(slope[i]));
         }
@@ -147,12 +147,13 @@ struct Path {
 }
 
 fn path_from(highlight: Highlight, l: vec2<f32>) -> Path {
-    // A beam through the middle of the lens stays at its pixel. As a very long step, that needs no case of its own.
+    // A beam through the middle of the lens stays at its pixel. As a step that takes very long, it needs no case of its
+    // own.
     let longest = max(max(abs(l.x), abs(l.y)), 1e-9);
     return Path(
         f32(highlight.codes & 0xffffu),
         1.0 / (longest * params.step),
-        l / longest,
+        select(l / longest, vec2(1.0, 0.0), all(l == vec2<f32>())),
         select(vec2(0, 1), vec2(1, 0), abs(l.y) > abs(l.x)),
         i32(ceil((params.reach_px - highlight.t) * longest)),
     );
@@ -218,7 +219,7 @@ fn visible_from(highlight: Highlight, l: vec2<f32>) -> f32 {
         let along = f32(k) * path.slope;
         let moved = vec2<i32>(vec2(rounded(along.x), rounded(along.y)));
         let padded = highlight.place + moved + params.pad;
-        if any(padded < vec2(1)) || any(padded >= vec2<i32>(params.padded) - 1) {
+        if any(padded < vec2(2)) || any(padded >= vec2<i32>(params.padded) - 2) {
             break;
         }
         let inside = steps_inside(padded, path.slope);
@@ -229,8 +230,10 @@ fn visible_from(highlight: Highlight, l: vec2<f32>) -> f32 {
             k += inside;
             continue;
         }
-        for (var beside = -1; beside <= 1; beside++) {
-            visible -= hidden_by(highlight, path, moved + beside * path.aside, k);
+        // The beam touches cells that it is less than a pixel away from, on its way from the step before to the next one.
+        let first = select(moved, vec2<i32>(floor(along)) - 1, path.aside == vec2(1));
+        for (var beside = 0; beside < 4; beside++) {
+            visible -= hidden_by(highlight, path, first + beside * path.aside, k);
         }
         k++;
     }

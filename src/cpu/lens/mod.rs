@@ -11,7 +11,7 @@ mod lanes;
 mod padded;
 mod padded_colors;
 mod padded_layer;
-mod surroundings;
+mod shadows;
 mod sweep;
 mod tile_color;
 mod widen;
@@ -34,11 +34,10 @@ use crate::scene::highlights::light_channels;
 use crate::scene::layer::SceneLayer;
 use crate::scene::layered::LayeredScene;
 use crate::simd::Simd;
-use highlights::{Differences, HighlightPass};
+use highlights::HighlightPass;
 use in_focus::Composite;
 use padded::Padded;
 use rayon::prelude::*;
-use surroundings::Surroundings;
 use sweep::{Segments, Start};
 use tile_color::TileColor;
 
@@ -103,14 +102,12 @@ pub fn render(
     let kernels = Kernels::new(&settings.aperture, s_focus, keys, level, cancel)?;
     let gather =
         disc::Gather { size, colors: &colors[0], s: &front.s, s_focus, kernels: &kernels, simd, cancel };
-    let is_asked = highlights.clusters.iter().any(|cluster| cluster.hidden_in_part);
-    let surroundings = if is_asked { Surroundings::new(&padded) } else { Surroundings::default() };
     let pass = HighlightPass {
         highlights: &highlights,
         padded: &padded,
-        surroundings,
         kernels: &kernels,
         clip: clip.as_ref(),
+        simd,
     };
 
     let mut slots = split(out, size, TILE);
@@ -118,9 +115,9 @@ pub fn render(
         || {
             let sums = disc::RunningSums::default();
             let tile = TileColor::new(size.channels);
-            (Segments::default(), sums, Composite::default(), Differences::default(), tile)
+            (Segments::default(), sums, Composite::default(), highlights::Scratch::default(), tile)
         },
-        |(segments, sums, composite, differences, color), (i, (slot, tile))| {
+        |(segments, sums, composite, discs, color), (i, (slot, tile))| {
             cancel.check()?;
             match &tile.work {
                 Work::InFocus => composite.tile(picture, &scene.layers, &in_focus, tile.origin, color),
@@ -142,7 +139,7 @@ pub fn render(
                     unsafe { sweep::sweep(simd, &padded, segments, tile.origin, missed, color) };
                 }
             }
-            with_channels!(light_channels(size), C => pass.draw::<C>(i, tile, differences, color));
+            with_channels!(light_channels(size), C => pass.draw::<C>(i, tile, discs, color));
             for (y, row) in slot.rows.iter_mut().enumerate() {
                 with_channels!(size.channels, C => interleave(color.row::<C>(y), row));
             }

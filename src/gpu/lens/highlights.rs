@@ -78,10 +78,10 @@ pub fn pass(
         return Ok(());
     }
     let pad = plan.padding.pad as i32;
-    // For each highlight, a pixel looks up two weights. For each cluster it follows a ray, by three cells of all layers at
+    // For each highlight, a pixel looks up two weights. For each cluster it follows a ray, by four cells of all layers at
     // every step.
     let loops_each =
-        plan.reach_px.ceil() as usize * (1 + 3 * (1 + cells.layers)) + 2 * kernels.widest_row + 2;
+        plan.reach_px.ceil() as usize * (1 + 4 * (1 + cells.layers)) + 2 * kernels.widest_row + 2;
     let at_once = (MAX_LOOPS / loops_each).max(1);
     let mut lists: Vec<u32> = Vec::new();
     let mut passes: Vec<Vec<Tile>> = Vec::new();
