@@ -25,6 +25,26 @@ def test_a_still_flickers_no_more_than_with_sprites():
     assert flicker("lens") < flicker("sprites")
 
 
+@pytest.mark.parametrize("shape", ["wall", "slope", "bowl"])
+def test_a_textured_surface_flickers_no_more_than_with_sprites(shape):
+    rng = np.random.default_rng(3)
+    color = (0.1 + 0.8 * rng.random((40, 60, 3))).repeat(2, 0).repeat(2, 1).astype(np.float32)
+    y, x = np.mgrid[:80, :120] / np.array([80, 120])[:, None, None]
+    exact = {
+        "wall": 0.5 + 0 * x,
+        "slope": 0.4 + 0.15 * x,
+        "bowl": 0.4 + 0.15 * np.sin(3 * x) * np.sin(3 * y),
+    }[shape]
+    lens = dofsim.Lens.from_disparity(strength_px=25, focus=0.8)
+    noisy = [np.float32(exact + rng.normal(0, 0.01, exact.shape)) for _ in range(4)]
+
+    def changes(method):
+        frames = [srgb(dofsim.render(color, d, lens, method=method, depth_kind="disparity")) for d in noisy]
+        return np.std(frames, axis=0)[12:-12, 12:-12].mean()
+
+    assert changes("lens") < changes("sprites")
+
+
 @pytest.mark.parametrize("deviation", [0.005, 0.01, 0.02])
 def test_a_lamp_on_a_noisy_wall_keeps_its_light(deviation):
     rng = np.random.default_rng(5)

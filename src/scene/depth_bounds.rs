@@ -39,7 +39,7 @@ pub struct DepthBounds {
     pub occupied: Vec<DepthBits>,
     /// For each block: least and greatest code over all layers.
     pub range: Vec<(u16, u16)>,
-    /// For each block: the largest span of a cell, in codes, if the block is one closed surface in the first layer.
+    /// For each block: how steep it is, in codes a pixel, if the block is one closed surface in the first layer.
     pub smooth: Vec<Option<u16>>,
 }
 
@@ -47,7 +47,6 @@ pub struct DepthBounds {
 struct Summary {
     /// Least and greatest code.
     range: (u16, u16),
-    steepest: u16,
     /// Whether every pixel has a cell.
     whole: bool,
 }
@@ -55,16 +54,45 @@ struct Summary {
 /// Adds a run of cells to a summary.
 #[inline(always)]
 fn summarize(lo: &[u16], hi: &[u16], summary: &mut Summary) {
-    let (mut least, mut greatest, mut steepest, mut whole) =
-        (summary.range.0, summary.range.1, summary.steepest, summary.whole);
+    let (mut least, mut greatest, mut whole) = (summary.range.0, summary.range.1, summary.whole);
     for (&lo, &hi) in lo.iter().zip(hi) {
         // The code of an empty cell is 0. Subtracting 1 makes it the greatest of all, so that it does not count.
         least = least.min(lo.wrapping_sub(1));
         greatest = greatest.max(hi);
-        steepest = steepest.max(hi - lo);
         whole &= hi > 0;
     }
-    *summary = Summary { range: (least, greatest), steepest, whole };
+    *summary = Summary { range: (least, greatest), whole };
+}
+
+/// How steep a whole block is that begins at `first` of a frame with rows of `stride`: the greatest slope of its quarters,
+/// in codes a pixel.
+///
+/// A slope is what the means of the two halves of a quarter differ by. The noise of one pixel hardly changes it: noise is
+/// not geometry.
+#[inline(always)]
+fn steepness(spans: &DepthSpans, first: usize, stride: usize, (columns, rows): (usize, usize)) -> u16 {
+    const QUARTER: usize = BLOCK / 2;
+    let mut steepest = 0.0f32;
+    for top in (0..rows).step_by(QUARTER) {
+        for left in (0..columns).step_by(QUARTER) {
+            let (wide, high) = (QUARTER.min(columns - left), QUARTER.min(rows - top));
+            let sum = |x: usize, y: usize, (wide, high): (usize, usize)| -> u32 {
+                let rows = (top + y..top + y + high).map(|y| first + y * stride + left + x);
+                let row = |at: usize| spans.lo[at..at + wide].iter().chain(&spans.hi[at..at + wide]);
+                rows.flat_map(row).map(|&code| u32::from(code)).sum()
+            };
+            // Sums of two codes a pixel, over halves whose middles are as far apart as the greater part of the quarter.
+            let slope = |first: u32, last: u32, pixels: usize, apart: usize| {
+                last.abs_diff(first) as f32 / (2 * pixels.max(1) * apart) as f32
+            };
+            let half = (wide / 2, high);
+            let across = slope(sum(0, 0, half), sum(wide - half.0, 0, half), half.0 * high, wide - half.0);
+            let half = (wide, high / 2);
+            let down = slope(sum(0, 0, half), sum(0, high - half.1, half), wide * half.1, high - half.1);
+            steepest = steepest.max(across).max(down);
+        }
+    }
+    steepest.ceil() as u16
 }
 
 impl DepthBounds {
@@ -84,9 +112,8 @@ impl DepthBounds {
             let rows = || (y0..(y0 + BLOCK).min(size.height)).map(|y| y * size.width + x0);
             let (mut range, mut smooth) = ((u16::MAX, 0u16), !connectivity.is_empty());
             let mut occupied = vec![[0u64; 4]; depths.len()];
-            let mut steepest = 0;
             for (k, depths) in depths.iter().enumerate() {
-                let mut own = Summary { range: (u16::MAX, 0), steepest: 0, whole: true };
+                let mut own = Summary { range: (u16::MAX, 0), whole: true };
                 simd.run(
                     #[inline(always)]
                     || {
@@ -100,7 +127,6 @@ impl DepthBounds {
                 if own.range.1 == 0 {
                     continue;
                 }
-                steepest = steepest.max(own.steepest);
                 let (lo, hi) = (own.range.0 + 1, own.range.1);
                 range = (range.0.min(lo), range.1.max(hi));
                 let mut set = |lo: u16, hi: u16| {
@@ -120,7 +146,14 @@ impl DepthBounds {
             }
             smooth = smooth
                 && rows().all(|at| connectivity[at..at + n].iter().fold(0, |all, l| all | l) & EDGE == 0);
-            (occupied, range, smooth.then_some(steepest))
+            let (first, extent) = (y0 * size.width + x0, (n, rows().len()));
+            let smooth = smooth.then(|| {
+                simd.run(
+                    #[inline(always)]
+                    || steepness(&depths[0], first, size.width, extent),
+                )
+            });
+            (occupied, range, smooth)
         };
         let all: Vec<_> = (0..across * down).into_par_iter().map(block).collect();
         DepthBounds {
