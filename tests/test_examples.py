@@ -6,6 +6,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from importlib import resources
 from importlib.util import find_spec
 from pathlib import Path
@@ -13,7 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import typer
-from dofsim import cli, io
+from dofsim import Camera, cli, io
+from dofsim.cameras import write_cameras
 from dofsim.cli import run
 from phones import with_dynamic_depth
 
@@ -77,6 +79,14 @@ def folder(tmp_path, monkeypatch):
         np.save(f"depth/{index:04}.npy", near)
         io.write_image(f"shots/shot.beauty.{index:04}.exr", small)
         io.write_depth(f"shots/shot.depth.{index:04}.exr", near)
+        names = dict(zip("RGBZ", [*np.moveaxis(small, -1, 0), near], strict=True))
+        io.write_exr(
+            f"shot.{index:04}.exr", {name: np.ascontiguousarray(plane) for name, plane in names.items()}
+        )
+    height, width = near.shape
+    camera = Camera(np.eye(4), [[width, 0, width / 2], [0, width, height / 2], [0, 0, 1]], (width, height))
+    beside = camera.moved(right=0.01)
+    write_cameras("cameras.json", [replace(camera, name="shot.0000"), replace(beside, name="shot.0001")])
     Path("frames.csv").write_text("color,depth,focus_distance\ncolor/0000_rgb.exr,depth/0000.npy,0.5\n")
     return tmp_path
 
