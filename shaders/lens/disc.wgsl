@@ -19,6 +19,8 @@ struct Tile {
     origin: vec2<u32>,
     // The kernel of all its pixels; negative if it varies between pixels.
     kernel: i32,
+    // The share of discs in the result; the rest has been swept.
+    share: f32,
 }
 
 override CHANNELS: u32 = 3u;
@@ -108,7 +110,12 @@ fn disc(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) t
     let pixel = at.y * params.size.x + at.x;
     let value = blurred(at, tile);
     for (var c = 0u; c < CHANNELS; c++) {
-        let before = select(picture[pixel * CHANNELS + c], 0.0, params.first_row == 0u);
-        picture[pixel * CHANNELS + c] = before + value[c];
+        var before = 0.0;
+        if params.first_row > 0u {
+            before = picture[pixel * CHANNELS + c];
+        } else if tile.share < 1.0 {
+            before = (1.0 - tile.share) * picture[pixel * CHANNELS + c];
+        }
+        picture[pixel * CHANNELS + c] = before + tile.share * value[c];
     }
 }

@@ -36,12 +36,12 @@ struct Highlight {
     drawn: f32,
 }
 
-// A tile, the range of its highlights that this pass draws, and whether it is swept.
+// A tile, the range of its highlights that this pass draws, and the share of exact discs in it.
 struct Tile {
     origin: vec2<u32>,
     first: u32,
     count: u32,
-    is_swept: u32,
+    disc: f32,
 }
 
 // In place of the layer: nothing hides any part of the cluster.
@@ -277,7 +277,7 @@ fn light_at(at: vec2<i32>, tile: Tile) -> vec4<f32> {
         if weight > 0.0 && clips(params.second_stop) {
             weight *= clipped_share(params.second_stop, vec2<f32>(at), vec2<f32>(d), highlight.t);
         }
-        of_cluster += weight * select(1.0, highlight.drawn, tile.is_swept != 0u) * highlight.light;
+        of_cluster += weight * mix(highlight.drawn, 1.0, tile.disc) * highlight.light;
     }
     if any(of_cluster != vec4(0.0)) {
         sum += visible_part(middle, at) * of_cluster;

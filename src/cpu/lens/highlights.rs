@@ -7,7 +7,7 @@ use crate::plan::lens::disc::APART;
 use crate::plan::lens::highlights::{Cluster, Highlight, Highlights};
 use crate::plan::lens::kernels::Kernels;
 use crate::plan::lens::optical_vignetting::PupilClip;
-use crate::plan::lens::tiles::{Tile, Work};
+use crate::plan::lens::tiles::Tile;
 use crate::scene::grid::TILE;
 use crate::simd::Simd;
 
@@ -132,7 +132,8 @@ impl HighlightPass<'_> {
     /// Adds the rows of a cluster's discs that are inside a tile.
     fn add_discs(&self, cluster: &Cluster, tile: &Tile, differences: &mut Differences) {
         for highlight in &self.highlights.all[cluster.members.clone()] {
-            let drawn = if tile.work == Work::Disc { 1.0 } else { highlight.drawn };
+            // Exact discs hold nothing of highlights, a sweep the part that is not drawn.
+            let drawn = highlight.drawn + tile.disc_share() * (1.0 - highlight.drawn);
             for (step, share) in highlight.discs().filter(|_| drawn > 0.0) {
                 self.add_disc(highlight, step, drawn * share, tile.origin, differences);
             }

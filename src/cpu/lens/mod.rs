@@ -94,7 +94,7 @@ pub fn render(
     }
 
     let front = &scene.layers[0];
-    let discs = tiles.par_iter().filter(|tile| tile.work == Work::Disc);
+    let discs = tiles.par_iter().filter(|tile| tile.disc_share() > 0.0);
     let discs = discs.map(|tile| Surface::new(&front.s, size, s_focus, tile.origin));
     let surfaces: Vec<Surface> = discs.collect();
     let keys = surfaces.iter().flat_map(Surface::keys).chain(highlights.keys()).collect();
@@ -114,15 +114,15 @@ pub fn render(
     slots.par_iter_mut().zip(&tiles).enumerate().with_max_len(TILES_PER_TASK).try_for_each_init(
         || {
             let sums = disc::RunningSums::default();
-            let tile = TileColor::new(size.channels);
-            (Segments::default(), sums, Composite::default(), highlights::Scratch::default(), tile)
+            let tiles = [(); 2].map(|()| TileColor::new(size.channels));
+            (Segments::default(), sums, Composite::default(), highlights::Scratch::default(), tiles)
         },
-        |(segments, sums, composite, discs, color), (i, (slot, tile))| {
+        |(segments, sums, composite, discs, [color, exact]), (i, (slot, tile))| {
             cancel.check()?;
             match &tile.work {
                 Work::InFocus => composite.tile(picture, &scene.layers, &in_focus, tile.origin, color),
                 Work::Disc => gather.tile(tile.origin, sums, color)?,
-                Work::Sweep { samples, occupied } => {
+                Work::Sweep { samples, occupied, disc } => {
                     let start = Start {
                         padded: &padded,
                         s_focus,
@@ -137,6 +137,10 @@ pub fn render(
                     );
                     // SAFETY: the segments have just been traced there.
                     unsafe { sweep::sweep(simd, &padded, segments, tile.origin, missed, color) };
+                    if *disc > 0.0 {
+                        gather.tile(tile.origin, sums, exact)?;
+                        color.mix(exact, *disc);
+                    }
                 }
             }
             with_channels!(light_channels(size), C => pass.draw::<C>(i, tile, discs, color));

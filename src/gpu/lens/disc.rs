@@ -1,4 +1,4 @@
-//! Tiles that show one closed surface of nearly constant depth.
+//! Tiles that show one closed surface of nearly constant depth. Those that are swept in part have been swept before.
 
 use super::frame::{LensFrame, MAX_LOOPS, origin, per_pixel};
 use super::kernels::{Disc, Kernels};
@@ -38,7 +38,7 @@ shared! {
     struct Tile {
         origin: [u32; 2],
         kernel: i32,
-        _end: u32,
+        share: f32,
     }
 }
 
@@ -71,12 +71,12 @@ pub fn pass(
         first_row: 0,
         end_row: 0,
     };
-    let tile = |&(at, disc): &((usize, usize), Disc)| {
+    let tile = |&(at, disc, share): &((usize, usize), Disc, f32)| {
         let kernel = match disc {
             Disc::Same(kernel) => kernel as i32,
             Disc::PerPixel => -1,
         };
-        Tile { origin: origin(at), kernel, _end: 0 }
+        Tile { origin: origin(at), kernel, share }
     };
     let tiles: Vec<Tile> = kernels.tiles.iter().map(tile).collect();
     let groups = per_pixel(tiles.len());

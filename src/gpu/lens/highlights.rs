@@ -9,7 +9,6 @@ use crate::gpu::commands::Bound::{Read, Write};
 use crate::gpu::commands::{Commands, pixels};
 use crate::gpu::shader::{Shader, shader, shared};
 use crate::plan::lens::highlights::{Cluster, Highlights, OTHER_SURFACE_PX, SAME_SURFACE_PX};
-use crate::plan::lens::tiles::Work;
 use crate::scene::grid::BLOCK;
 
 pub const HIGHLIGHTS: Shader = shader!(
@@ -56,7 +55,7 @@ shared! {
         origin: [u32; 2],
         first: u32,
         count: u32,
-        is_swept: u32,
+        disc: f32,
         _end: u32,
     }
 }
@@ -91,8 +90,8 @@ pub fn pass(
         for (i, part) in list.chunks(at_once).enumerate() {
             passes.resize_with(passes.len().max(i + 1), Vec::new);
             let (first, count) = (lists.len() as u32, part.len() as u32);
-            let is_swept = (tile.work != Work::Disc).into();
-            passes[i].push(Tile { origin: origin(tile.origin), first, count, is_swept, _end: 0 });
+            let disc = tile.disc_share();
+            passes[i].push(Tile { origin: origin(tile.origin), first, count, disc, _end: 0 });
             lists.extend(part);
         }
     }

@@ -5,7 +5,7 @@ use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::plan::lens::disc::{APART, Surface};
 use crate::plan::lens::highlights::Highlights;
-use crate::plan::lens::tiles::{Tile, Work};
+use crate::plan::lens::tiles::Tile;
 use crate::plan::lens::{Plan, kernels};
 use crate::scene::layered::LayeredScene;
 use rayon::prelude::*;
@@ -34,8 +34,8 @@ pub struct Kernels {
     pub widest_row: usize,
     /// The disc of kernel 0, in steps of [`APART`]; the following kernels are the discs of the next steps.
     pub first_step: i32,
-    /// The tiles that are rendered as discs.
-    pub tiles: Vec<((usize, usize), Disc)>,
+    /// The tiles that are rendered as discs: their first pixels, their discs, and the share of these in the result.
+    pub tiles: Vec<((usize, usize), Disc, f32)>,
     /// The two kernels of each highlight.
     pub of_highlights: Vec<[usize; 2]>,
 }
@@ -50,10 +50,13 @@ impl Kernels {
     ) -> Result<Kernels> {
         let s = &scene.layers[0].s;
         // A tile of one depth has exactly its own disc. Other tiles share discs, quantised to radius steps.
-        let discs = plan.tiles.par_iter().filter(|tile| tile.work == Work::Disc);
-        let of = |tile: &Tile| (tile.origin, Surface::new(s, scene.size, plan.s_focus, tile.origin));
+        let discs = plan.tiles.par_iter().filter(|tile| tile.disc_share() > 0.0);
+        let of = |tile: &Tile| {
+            let surface = Surface::new(s, scene.size, plan.s_focus, tile.origin);
+            (tile.origin, surface, tile.disc_share())
+        };
         let discs: Vec<_> = discs.map(of).collect();
-        let surfaces = || discs.iter().map(|(_, surface)| surface);
+        let surfaces = || discs.iter().map(|(_, surface, _)| surface);
         let gathered: BTreeSet<i32> = surfaces().flat_map(Surface::keys).collect();
 
         let steps = gathered.iter().copied().chain(highlights.keys()).collect();
@@ -86,7 +89,7 @@ impl Kernels {
                 .max()
                 .unwrap_or(0),
             first_step,
-            tiles: discs.iter().map(|(origin, surface)| (*origin, disc(surface))).collect(),
+            tiles: discs.iter().map(|(origin, surface, share)| (*origin, disc(surface), *share)).collect(),
             of_highlights: highlights
                 .all
                 .iter()

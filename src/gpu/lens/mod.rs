@@ -1,7 +1,7 @@
 //! Carries out [`plan::lens`](crate::plan::lens).
 //!
 //! The layered scene stays on the device; another focus only uploads its plan. [`colors`] prepares the cells' colours
-//! for the focus. Then each tile is in focus, an exact [`disc`] or a [`sweep`], and [`highlights`] are added to them.
+//! for the focus. Then each tile is in focus, an exact [`disc`], a [`sweep`] or in part both, and [`highlights`] are added to them.
 
 pub(super) mod colors;
 pub(super) mod disc;
@@ -92,12 +92,12 @@ pub fn render(
     let dim = colors::dim(commands, cells, &highlights.dimmed)?;
     let frame = LensFrame { cells, codes: &scene.codes, plan: &plan, clip: clip.as_ref(), picture: &picture };
     in_focus(commands, input.picture, &frame)?;
-    disc::pass(commands, &frame, &kernels, dim.buffer(cells))?;
     if !plan.sample_sets.is_empty() {
         let swept = highlights.swept.as_ref().map(|swept| colors::dim(commands, cells, swept)).transpose()?;
         let drawn = colors::drawn(commands, cells, &plan, swept.as_ref().unwrap_or(&dim).buffer(cells))?;
         sweep::pass(commands, &frame, &drawn)?;
     }
+    disc::pass(commands, &frame, &kernels, dim.buffer(cells))?;
     highlights::pass(commands, &frame, kernels, &highlights, &settings.aperture)?;
     Ok(picture)
 }

@@ -169,7 +169,7 @@ pub fn pass(commands: &mut Commands, frame: &LensFrame, drawn: &wgpu::Buffer) ->
     let gpu = commands.gpu;
     let Traces { words: traces, first_samples, longest } = Traces::new(codes, plan, clip, cells.size);
     let tile = |tile: &tiles::Tile| match &tile.work {
-        Work::Sweep { samples, occupied } => Some(Tile {
+        Work::Sweep { samples, occupied, .. } => Some(Tile {
             origin: origin(tile.origin),
             first_sample: first_samples[samples],
             samples: *samples as u32,

@@ -12,6 +12,9 @@ use rayon::prelude::*;
 /// The disc of a pixel on a tilted surface is centred `slope * radius / 4` beside it; a quarter of a pixel is
 /// tolerated.
 const TILT_PX: f64 = 1.0;
+/// From this tilt on, a tile is swept alone. In between it is in part an exact disc, so that a tile changes from the one
+/// to the other smoothly as the focus does.
+const SWEPT_TILT_PX: f64 = 1.5;
 
 /// The work of one tile.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,6 +29,8 @@ pub enum Work {
         samples: usize,
         /// The depths that a ray of this tile may meet.
         occupied: DepthBits,
+        /// The share of exact discs in the result.
+        disc: f32,
     },
 }
 
@@ -38,6 +43,17 @@ pub struct Tile {
     pub reach_px: f64,
     /// How the tile is rendered.
     pub work: Work,
+}
+
+impl Tile {
+    /// The share of exact discs in the result.
+    pub fn disc_share(&self) -> f32 {
+        match self.work {
+            Work::InFocus => 0.0,
+            Work::Disc => 1.0,
+            Work::Sweep { disc, .. } => disc,
+        }
+    }
 }
 
 /// The depths, by high byte of their codes, whose discs reach at least `distance` pixels.
@@ -115,14 +131,17 @@ pub fn plan(inputs: &Inputs, count_samples: impl Fn(f64) -> usize + Sync) -> Vec
             reach = reach.max(block_reach[b]);
             steepest = steepest.zip(bounds.smooth[b]).map(|(a, b)| a.max(b));
         }
+        let one_surface = steepest.filter(|_| second_stop.is_none());
+        let disc = one_surface.map_or(0.0, |codes_per_px| {
+            let tilt_px = f64::from(codes_per_px) * codes.step() * reach;
+            ((SWEPT_TILT_PX - tilt_px) / (SWEPT_TILT_PX - TILT_PX)).clamp(0.0, 1.0) as f32
+        });
         let work = if reach <= IN_FOCUS_PX {
             Work::InFocus
-        } else if second_stop.is_none()
-            && steepest.is_some_and(|codes_per_px| f64::from(codes_per_px) * codes.step() * reach <= TILT_PX)
-        {
+        } else if disc == 1.0 {
             Work::Disc
         } else {
-            Work::Sweep { samples: count_samples(reach), occupied }
+            Work::Sweep { samples: count_samples(reach), occupied, disc }
         };
         Tile { origin, reach_px: reach, work }
     };
