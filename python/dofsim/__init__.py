@@ -19,9 +19,9 @@ from dofsim._dofsim import (
     sensors,
 )
 from dofsim._focus import focus_pull
-from dofsim.cameras import Camera
 
 if TYPE_CHECKING:
+    from dofsim.cameras import Camera
     from dofsim.picker import FocusPicker as FocusPicker
 
 SENSORS: dict[str, tuple[float, float]] = {name: (width, height) for name, width, height in sensors()}
@@ -48,7 +48,11 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Import the widget when it is asked for: its packages are optional, and slow to load."""
+    """Import what is slow to load when it is asked for: cameras need NumPy, the widget optional packages."""
+    if name == "Camera":
+        from dofsim.cameras import Camera
+
+        return Camera
     if name == "FocusPicker":
         from dofsim.picker import FocusPicker
 
