@@ -147,14 +147,9 @@ def layered(
     Raises
     ------
     ValueError
-        If a picture is not of the size that its camera says, or depth is relative.
+        If a picture is not of the size that its camera says, or as `dofsim.layers_from_views`.
     """
     assert frame.camera is not None
-    if options.get("depth_kind") == "relative":
-        raise ValueError(
-            f"{frame.color}: neighbours need depth in the unit of their cameras' positions; depth_kind is "
-            "'relative'"
-        )
     cameras = [frame.camera, *(one.camera for one in frame.neighbours)]
     files = [frame.color, *(one.color for one in frame.neighbours)]
     for file, camera, (picture, _) in zip(files, cameras, [(color, depth), *others], strict=True):

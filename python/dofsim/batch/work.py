@@ -219,7 +219,9 @@ def render(loaded: Loaded) -> Rendered:
         lenses |= slices
     if lenses:
         if others:
-            viewing = {name: value for name, value in scene_words.items() if name != "device"}
+            # Views have a metric scale of their own.
+            scale = ("device", "depth_range")
+            viewing = {name: value for name, value in scene_words.items() if name not in scale}
             viewing["threads"] = options.get("threads")
             layers, planes = layered(frame, color, depth, others, lens, **viewing)
             found["layers"] = len(layers)
