@@ -1,10 +1,12 @@
-"""The adapter that GPU tests run on, the browser that pages are looked at with, and how many of both did."""
+"""The adapter of GPU tests, the browser that pages are looked at with, and folders for the command line."""
 
 import os
 import shutil
 
 import dofsim
 import pytest
+from command_lines import write_scene
+from data_set import keep_few, write_data
 
 
 def adapter():
@@ -33,6 +35,27 @@ def browser():
         chromium = playwright.chromium.launch(executable_path=found, args=options)
         yield chromium
         chromium.close()
+
+
+@pytest.fixture
+def scene(tmp_path, monkeypatch):
+    """Go to a folder with a small scene; give its colour and depth."""
+    monkeypatch.chdir(tmp_path)
+    return write_scene()
+
+
+@pytest.fixture
+def data(tmp_path, monkeypatch):
+    """Go to a folder with a data set of which three frames are bad."""
+    monkeypatch.chdir(tmp_path)
+    write_data()
+    return tmp_path
+
+
+@pytest.fixture
+def few(data):
+    """Leave four good frames of it."""
+    keep_few()
 
 
 def pytest_collection_modifyitems(items):

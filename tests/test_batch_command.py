@@ -14,23 +14,9 @@ from data_set import (
     WIDTH,
     batch,
     contents,
-    keep_few,
-    write_data,
 )
 from dofsim import io
 from dofsim.cli import run
-
-
-@pytest.fixture
-def data(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    write_data()
-    return tmp_path
-
-
-@pytest.fixture
-def few(data):
-    keep_few()
 
 
 @pytest.mark.parametrize("workers", [1, 2])

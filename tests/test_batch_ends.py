@@ -12,23 +12,8 @@ import pytest
 from data_set import (
     LENS_OPTIONS,
     batch,
-    keep_few,
-    write_data,
 )
 from interrupts import HANG_S
-
-
-@pytest.fixture
-def data(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    write_data()
-    return tmp_path
-
-
-@pytest.fixture
-def few(data):
-    keep_few()
-
 
 # A shell has its background jobs ignore Ctrl-C, and what they start inherits that.
 START = """

@@ -12,23 +12,9 @@ from data_set import (
     LENS_OPTIONS,
     WIDTH,
     batch,
-    keep_few,
-    write_data,
 )
 from dofsim import io
 from dofsim.batch import pair_files, read_manifest
-
-
-@pytest.fixture
-def data(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    write_data()
-    return tmp_path
-
-
-@pytest.fixture
-def few(data):
-    keep_few()
 
 
 @pytest.mark.parametrize("kind", ["csv", "jsonl"])

@@ -11,15 +11,9 @@ import dofsim
 import numpy as np
 import pytest
 import typer
-from command_lines import HEIGHT, LENS_OPTIONS, WIDTH, fails, write_scene
+from command_lines import HEIGHT, LENS_OPTIONS, WIDTH, fails
 from dofsim import _command_options, cli, io
 from dofsim.cli import run
-
-
-@pytest.fixture
-def scene(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return write_scene()
 
 
 def test_version_is_printed_without_numpy():

@@ -4,14 +4,8 @@ import json
 
 import dofsim
 import pytest
-from command_lines import LENS, LENS_OPTIONS, fails, write_scene
+from command_lines import LENS, LENS_OPTIONS, fails
 from dofsim.cli import run
-
-
-@pytest.fixture
-def scene(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return write_scene()
 
 
 def lens_of(monkeypatch, *arguments):

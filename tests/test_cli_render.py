@@ -3,15 +3,9 @@
 import dofsim
 import numpy as np
 import pytest
-from command_lines import HEIGHT, LENS, LENS_OPTIONS, WIDTH, fails, write_scene
+from command_lines import HEIGHT, LENS, LENS_OPTIONS, WIDTH, fails
 from dofsim import io
 from dofsim.cli import run
-
-
-@pytest.fixture
-def scene(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return write_scene()
 
 
 def test_render_writes_what_the_function_gives(scene, capsys):

@@ -6,15 +6,9 @@ import time
 import dofsim
 import numpy as np
 import pytest
-from command_lines import HEIGHT, LENS, LENS_OPTIONS, WIDTH, write_scene
+from command_lines import HEIGHT, LENS, LENS_OPTIONS, WIDTH
 from dofsim import _console
 from dofsim.cli import run
-
-
-@pytest.fixture
-def scene(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return write_scene()
 
 
 @pytest.mark.parametrize(
