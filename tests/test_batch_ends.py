@@ -64,6 +64,45 @@ def test_ctrl_c_ends_cleanly_and_the_next_run_resumes(data, capsys, workers):
     assert f"{47 - done} written, {done} there already, 3 failed" in capsys.readouterr().err
 
 
+# Python runs this as it starts, long before it can know what it was started for.
+INTERRUPTED = """
+import os
+import signal
+import sys
+
+if "--multiprocessing-fork" in sys.orig_argv:
+    os.kill(os.getpid(), signal.SIGINT)
+"""
+
+POOL = """
+import os
+import signal
+from dofsim.batch.workers import process_pool
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    with process_pool(1) as pool:
+        assert pool.submit(os.getppid).result() == os.getpid()
+    assert signal.pthread_sigmask(signal.SIG_BLOCK, ()) == set()
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are sent the POSIX way")
+def test_ctrl_c_does_not_meet_a_worker_that_starts(tmp_path):
+    (tmp_path / "sitecustomize.py").write_text(INTERRUPTED)
+    paths = os.pathsep.join([str(tmp_path), *sys.path])
+    result = subprocess.run(
+        [sys.executable, "-c", POOL],
+        env=os.environ | {"PYTHONPATH": paths},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=HANG_S,
+    )
+    assert result.stderr == ""
+    assert result.returncode == 0
+
+
 # A frame whose picture is to end whoever reads it, as one does that takes more memory than there is, while
 # another file is being written.
 DEADLY = """

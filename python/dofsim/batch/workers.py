@@ -5,12 +5,15 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib import import_module
+from multiprocessing import resource_tracker
+from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any, ParamSpec, TypeVar
 
 from dofsim._extras import missing
@@ -72,8 +75,7 @@ def process_pool(workers: int) -> ProcessPoolExecutor:
     ProcessPoolExecutor
         The pool. Its processes are started anew, not forked: a fork copies locks that other threads hold.
     """
-    context = multiprocessing.get_context("spawn")
-    return ProcessPoolExecutor(workers, mp_context=context, initializer=_start)
+    return ProcessPoolExecutor(workers, mp_context=_Context(), initializer=_start)
 
 
 @dataclass(frozen=True)
@@ -156,6 +158,25 @@ def dask_cluster(address: str, workers: int) -> Iterator[Workers]:
                 "workers died too often over the same frame, as happens when memory runs out; "
                 "run again to go on"
             ) from error
+
+
+class _Process(SpawnProcess):
+    # Inherits that SIGINT is blocked, so that Ctrl-C cannot meet a worker before `_start`.
+    def start(self) -> None:
+        if sys.platform == "win32":
+            super().start()
+            return
+        # Some versions of Python unblock SIGINT after the start of their resource tracker.
+        resource_tracker.ensure_running()
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            super().start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+class _Context(SpawnContext):
+    Process = _Process
 
 
 def _start() -> None:
