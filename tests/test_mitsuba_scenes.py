@@ -176,7 +176,16 @@ def test_layers():
     assert capture.render().shape == (HEIGHT, WIDTH, 4)
 
 
-def test_the_first_layer_is_averaged_over_pixels_but_for_the_edges_of_highlights():
+def test_a_first_layer_without_gaps_is_averaged_over_pixels():
+    first = np.ones((6, 12, 4), np.float32)
+    depth = np.full((6, 12), 2.0, np.float32)
+    depth[:, 5:], first[5, 4, :3] = 9.0, 40.0
+    out = averaged(first, depth, np.full((6, 12, 3), 0.5, np.float32))
+    assert np.all(out[..., :3] == 0.5)
+    assert np.all(out[..., 3] == 1.0)
+
+
+def test_a_first_layer_with_gaps_is_averaged_but_for_the_edges_of_highlights():
     first = np.ones((6, 12, 4), np.float32)
     depth = np.broadcast_to(np.linspace(2.0, 2.2, 12, dtype=np.float32), (6, 12)).copy()
     depth[:, 5:] = 9.0

@@ -516,8 +516,15 @@ mod tests {
             (0..side * side).map(|i| if is_front(i) { 1000.0 } else { (i % side) as f32 }).collect();
         let connectivity = edges::connectivity(&s, side, side);
         let size = Size { width: side, height: side, channels: 1 };
-        let frame =
-            FrontLayer { size, lights: 1, color: &color, s: &s, connectivity: &connectivity, known: &[] };
+        let frame = FrontLayer {
+            size,
+            lights: 1,
+            color: &color,
+            s: &s,
+            connectivity: &connectivity,
+            known: &[],
+            behind: &[],
+        };
         let hidden = hidden(&frame, &s, &[], &Cancel::default()).unwrap();
         let mut found = vec![None; side * side];
         hidden.iter().for_each(|h| found[h.index] = Some((h.s, h.color[0])));

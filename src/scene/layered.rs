@@ -154,7 +154,15 @@ fn from_one_layer(
     let mut s = without_noise(scaled(&layer.disparity, k), size, simd);
     let connectivity = edges::connectivity(&s, size.width, size.height);
     let colors = Colors::new(size, Arc::clone(&layer.color));
-    let frame = FrontLayer { size, lights, color: &layer.color, s: &s, connectivity: &connectivity, known };
+    let frame = FrontLayer {
+        size,
+        lights,
+        color: &layer.color,
+        s: &s,
+        connectivity: &connectivity,
+        known,
+        behind: &[],
+    };
     let mixed = unmix(&frame, Separated::All, cancel)?;
     if mixed.is_empty() {
         let front = SceneLayer {
@@ -203,7 +211,7 @@ fn take_lamps_apart(
     cancel: &Cancel,
 ) -> Result<Vec<Hidden>> {
     let lamps = Separated::Outshining { times: HIGHLIGHT_RATIO, light: frame.median_light() };
-    let mixed = unmix(frame, lamps, cancel)?;
+    let mixed = unmix(&FrontLayer { behind: others, ..*frame }, lamps, cancel)?;
     let mut s = Buffer::clone(&front.s);
     front.partial = Arc::new(half_planes(frame, &mixed));
     let (colors, both) = split(&mixed, &mut s);
@@ -218,7 +226,15 @@ fn sorted_in(layers: &mut [SceneLayer], mixed: &[MixedPixel]) -> Vec<Hidden> {
     let mut colors = vec![Vec::new(); layers.len()];
     let mut shifts: Vec<Buffer<f32>> = layers.iter().map(|layer| Buffer::clone(&layer.s)).collect();
     for m in mixed {
-        if layers.iter().any(|layer| (layer.s[m.index] - m.s_back).abs() < SAME_SURFACE_PX) {
+        let is_there = |layer: &SceneLayer| (layer.s[m.index] - m.s_back).abs() < SAME_SURFACE_PX;
+        if let Some(layer) = layers.iter().position(is_there) {
+            // The pinhole sees a part of this cell, and so light that no sample at the pixel's centre may have met.
+            if !layers[layer].covers_partly(m.index) {
+                let hidden = layers[layer].colors.at(m.index);
+                let seen = 1.0 - m.coverage;
+                let color = std::array::from_fn(|c| seen * m.back[c] + m.coverage * hidden[c]);
+                colors[layer].push(CellColor { index: m.index, color });
+            }
             continue;
         }
         let nearer = layers.iter().rposition(|layer| layer.s[m.index] > m.s_back);
@@ -346,6 +362,7 @@ fn from_layers(
             s: &s,
             connectivity: &connectivity,
             known: &[],
+            behind: &[],
         };
         let left = take_lamps_apart(&frame, front, others, cancel)?;
         let taken: HashSet<usize> = left.iter().map(|cell| cell.index).collect();
@@ -404,7 +421,15 @@ fn hidden_by_all(
     };
     let last = |i: usize| Some(farthest(i, 1.0)).filter(|s| s.is_finite()).unwrap_or(nowhere);
     let last: Vec<f32> = (0..n).into_par_iter().map(last).collect();
-    let frame = FrontLayer { size, lights, color: &color, s: &s, connectivity: &connectivity, known: &[] };
+    let frame = FrontLayer {
+        size,
+        lights,
+        color: &color,
+        s: &s,
+        connectivity: &connectivity,
+        known: &[],
+        behind: &[],
+    };
     let found = inpaint::hidden(&frame, &last, &[], cancel)?;
     let is_new = |h: &Hidden| h.color[alpha] > 0.0 && h.s <= last[h.index] - CONNECTED_PX;
     // Cells that are only partly there keep their place in front.

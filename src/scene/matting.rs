@@ -5,6 +5,7 @@
 //! carries the mixture; one such pixel on the rim of a bright lamp contaminates its whole neighbourhood.
 
 use super::edges::{self, CONNECTED_PX, EDGE};
+use super::layer::SceneLayer;
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::picture::{KnownCoverage, Size};
@@ -41,12 +42,36 @@ pub struct FrontLayer<'a> {
     pub connectivity: &'a [u8],
     /// Coverage that is known beside the colours, in the order of rows.
     pub known: &'a [KnownCoverage],
+    /// What is known of the surfaces that these hide, front to back.
+    pub behind: &'a [SceneLayer],
 }
 
 impl FrontLayer<'_> {
     pub fn color_at(&self, i: usize) -> [f32; 4] {
         let n = self.size.pixels();
         std::array::from_fn(|c| if c < self.size.channels { self.color[c * n + i] } else { 0.0 })
+    }
+
+    /// What is known to be behind the surface that is seen at a pixel.
+    fn known_behind(&self, x: usize, y: usize) -> Option<Surface> {
+        let index = y * self.size.width + x;
+        let layer = self.behind.iter().find(|layer| layer.s[index] < self.s[index] - CONNECTED_PX)?;
+        let (s, color) = (layer.s[index], layer.colors.at(index));
+        let at = |dx: i32, dy: i32| {
+            let q = self.offset(x, y, dx, dy).filter(|&q| (layer.s[q] - s).abs() < CONNECTED_PX);
+            q.map(|q| layer.colors.at(q))
+        };
+        // It is sampled at the pixel's centre. What it is all over the pixel differs from that by no more than it does from
+        // the mean of opposite neighbours.
+        let opposite = |(dx, dy): (i32, i32)| at(dx, dy).zip(at(-dx, -dy));
+        let means = [(1, 0), (0, 1), (1, 1), (1, -1)].into_iter().filter_map(opposite);
+        let means = means.map(|(a, b)| std::array::from_fn(|c| 0.5 * (a[c] + b[c])));
+        let mut off: Vec<f32> = means.map(|mean| self.norm2(sub(color, mean))).collect();
+        if off.is_empty() {
+            let beside = [(1, 0), (0, 1), (-1, 0), (0, -1)].into_iter().filter_map(|(dx, dy)| at(dx, dy));
+            off = beside.map(|beside| self.norm2(sub(color, beside))).collect();
+        }
+        Some(Surface { s, pure: Some((color, off.iter().sum::<f32>() / off.len().max(1) as f32)) })
     }
 
     /// The median of the light of all pixels, as the length of their colours.
@@ -83,6 +108,13 @@ pub struct MixedPixel {
     pub back: [f32; 4],
 }
 
+/// A surface at a pixel: its shift, its pure colour and the variance of that, if it is known.
+#[derive(Clone, Copy)]
+struct Surface {
+    s: f32,
+    pure: Option<([f32; 4], f32)>,
+}
+
 /// Weighted mean of colours, and the variance of their light (summed over channels).
 #[derive(Default)]
 struct Pure {
@@ -108,8 +140,8 @@ fn sub(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
     std::array::from_fn(|c| a[c] - b[c])
 }
 
-/// The pure colour of the surface at shift `s_surface` around a pixel. It is taken from pixels away from every edge,
-/// nearest rings first, weighted by `1 / r^2`.
+/// The pure colour of the surface at shift `s_surface` around a pixel. It is taken from pixels away from every edge and
+/// from what is known to be hidden, nearest rings first, weighted by `1 / r^2`.
 fn pure_color(frame: &FrontLayer, x: usize, y: usize, s_surface: f32) -> Option<([f32; 4], f32)> {
     let mut pure = Pure::default();
     for ring in 1..=MAX_RING {
@@ -120,8 +152,14 @@ fn pure_color(frame: &FrontLayer, x: usize, y: usize, s_surface: f32) -> Option<
             let step = if dy.abs() == ring { 1 } else { 2 * ring };
             for dx in (-ring..=ring).step_by(step as usize) {
                 let Some(q) = frame.offset(x, y, dx, dy) else { continue };
+                let weight = 1.0 / (dx * dx + dy * dy) as f32;
                 if frame.connectivity[q] & EDGE == 0 && (frame.s[q] - s_surface).abs() < CONNECTED_PX {
-                    pure.add(frame, frame.color_at(q), 1.0 / (dx * dx + dy * dy) as f32);
+                    pure.add(frame, frame.color_at(q), weight);
+                }
+                for hidden in
+                    frame.behind.iter().filter(|layer| (layer.s[q] - s_surface).abs() < CONNECTED_PX)
+                {
+                    pure.add(frame, hidden.colors.at(q), weight);
                 }
             }
         }
@@ -169,6 +207,36 @@ impl Separated {
     }
 }
 
+/// The surfaces that a pixel mixes, given its neighbours with their shifts. Where three surfaces meet, its own one is one of
+/// the two, and the other is the one of which there is more around it.
+fn two_surfaces(
+    frame: &FrontLayer,
+    x: usize,
+    y: usize,
+    around: impl Iterator<Item = (i32, i32, f32)>,
+) -> [Surface; 2] {
+    let own = frame.s[y * frame.size.width + x];
+    let (mut nearer, mut farther) = (0.0, 0.0);
+    let (mut s_front, mut s_back) = (own, own);
+    for (dx, dy, s) in around {
+        // A step of this size is one from surface to surface, and a larger one is no more than that.
+        let step = ((s - own) / (2.0 * CONNECTED_PX)).clamp(-1.0, 1.0);
+        nearer += nearness(dx, dy) * step.max(0.0);
+        farther += nearness(dx, dy) * (-step).max(0.0);
+        (s_front, s_back) = (s_front.max(s), s_back.min(s));
+    }
+    let at = |s: f32| Surface { s, pure: None };
+    if nearer > farther {
+        return [at(s_front), at(own)];
+    }
+    [at(own), frame.known_behind(x, y).unwrap_or(at(s_back))]
+}
+
+/// The weight of a neighbour: (1 2 1) along each axis.
+fn nearness(dx: i32, dy: i32) -> f32 {
+    ((2 - dx.abs()) * (2 - dy.abs())) as f32
+}
+
 /// Separates one edge pixel; `None` if no pure colour is known of either surface, or it is not to be separated.
 fn unmix_pixel(frame: &FrontLayer, separated: Separated, x: usize, y: usize) -> Option<MixedPixel> {
     let index = y * frame.size.width + x;
@@ -176,14 +244,15 @@ fn unmix_pixel(frame: &FrontLayer, separated: Separated, x: usize, y: usize) -> 
         let offsets = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy)));
         offsets.filter_map(|(dx, dy)| frame.offset(x, y, dx, dy).map(|q| (dx, dy, frame.s[q])))
     };
-    let s_front = around().map(|n| n.2).fold(f32::NEG_INFINITY, f32::max);
-    let s_back = around().map(|n| n.2).fold(f32::INFINITY, f32::min);
+    let [front, back] = two_surfaces(frame, x, y, around());
+    let (s_front, s_back) = (front.s, back.s);
     if s_front - s_back < CONNECTED_PX {
         return None;
     }
 
     let strength = edges::strength(frame.s, frame.size.width, frame.size.height, x, y);
-    let (front, back) = (pure_color(frame, x, y, s_front), pure_color(frame, x, y, s_back));
+    let [front, back] =
+        [front, back].map(|surface| surface.pure.or_else(|| pure_color(frame, x, y, surface.s)));
     let ((front, front_variance), (back, back_variance)) = match (front, back) {
         (Some(front), Some(back)) => (front, back),
         // The variance of a guessed colour is unknown; it is taken to be that of the other colour.
@@ -201,7 +270,7 @@ fn unmix_pixel(frame: &FrontLayer, separated: Separated, x: usize, y: usize) -> 
     let middle = 0.5 * (s_front + s_back);
     let (mut in_front, mut all) = (0.0, 0.0);
     for (dx, dy, s) in around() {
-        let weight = ((2 - dx.abs()) * (2 - dy.abs())) as f32;
+        let weight = nearness(dx, dy);
         all += weight;
         in_front += if s > middle { weight } else { 0.0 };
     }
@@ -366,7 +435,9 @@ pub fn unmix(frame: &FrontLayer, separated: Separated, cancel: &Cancel) -> Resul
 
 #[cfg(test)]
 mod tests {
+    use super::super::colors::Colors;
     use super::*;
+    use std::sync::Arc;
 
     #[test]
     fn a_mixed_column_is_taken_apart() {
@@ -384,7 +455,15 @@ mod tests {
         let s: Vec<f32> = (0..w * h).map(|i| if i % w < 5 { 8.0 } else { 0.0 }).collect();
         let connectivity = super::super::edges::connectivity(&s, w, h);
         let mixed = unmix(
-            &FrontLayer { size, lights: 1, color: &color, s: &s, connectivity: &connectivity, known: &[] },
+            &FrontLayer {
+                size,
+                lights: 1,
+                color: &color,
+                s: &s,
+                connectivity: &connectivity,
+                known: &[],
+                behind: &[],
+            },
             Separated::All,
             &Cancel::default(),
         )
@@ -400,6 +479,60 @@ mod tests {
         assert_eq!(mixed.len(), 2 * h);
     }
 
+    /// A frame of 12 x 7 pixels with one channel.
+    fn frame_of<'a>(color: &'a [f32], s: &'a [f32], connectivity: &'a [u8]) -> FrontLayer<'a> {
+        let size = Size { width: 12, height: 7, channels: 1 };
+        FrontLayer { size, lights: 1, color, s, connectivity, known: &[], behind: &[] }
+    }
+
+    #[test]
+    fn a_pixels_own_surface_is_one_of_the_two_that_it_mixes() {
+        let at = |x: usize| match x {
+            0..5 => (4.0, 24.0),
+            5 => (2.0, 8.0),
+            _ => (1.0, 0.0),
+        };
+        let color: Vec<f32> = (0..84).map(|i| at(i % 12).0).collect();
+        let s: Vec<f32> = (0..84).map(|i| at(i % 12).1).collect();
+        let connectivity = super::super::edges::connectivity(&s, 12, 7);
+        let frame = frame_of(&color, &s, &connectivity);
+        let mixed = unmix(&frame, Separated::All, &Cancel::default()).unwrap();
+        let middle: Vec<_> = mixed.iter().filter(|m| m.index % 12 == 5).collect();
+        assert_eq!(middle.len(), 7);
+        for m in middle {
+            assert!(m.s_front == 8.0 || m.s_back == 8.0, "{} before {}", m.s_front, m.s_back);
+        }
+    }
+
+    #[test]
+    fn what_is_known_to_be_behind_is_not_guessed() {
+        // A surface of colour 2 covers 60 % of column 4; behind it the colour is 0.5, beside it 1.
+        let at = |x: usize| match x {
+            0..4 => (2.0, 8.0),
+            4 => (0.6 * 2.0 + 0.4 * 0.5, 8.0),
+            _ => (1.0, 0.0),
+        };
+        let color: Vec<f32> = (0..84).map(|i| at(i % 12).0).collect();
+        let s: Vec<f32> = (0..84).map(|i| at(i % 12).1).collect();
+        let connectivity = super::super::edges::connectivity(&s, 12, 7);
+        let size = Size { width: 12, height: 7, channels: 1 };
+        let hidden = |i: usize| if i % 12 < 5 { 0.0 } else { f32::NAN };
+        let behind = [SceneLayer {
+            s: Arc::new((0..84).map(hidden).collect()),
+            colors: Colors::new(size, Arc::new((0..84).map(|_| 0.5).collect())),
+            partial: Arc::default(),
+            connectivity: Arc::default(),
+        }];
+        let frame = FrontLayer { behind: &behind, ..frame_of(&color, &s, &connectivity) };
+        let mixed = unmix(&frame, Separated::All, &Cancel::default()).unwrap();
+        let column: Vec<_> = mixed.iter().filter(|m| m.index % 12 == 4).collect();
+        assert_eq!(column.len(), 7);
+        for m in column {
+            assert!((m.coverage - 0.6).abs() < 2e-3, "{}", m.coverage);
+            assert!((m.back[0] - 0.5).abs() < 5e-3 && (m.front[0] - 2.0).abs() < 5e-3);
+        }
+    }
+
     /// Pixels of a picture of one column of light and coverage each, beside a straight silhouette.
     fn unmixed_beside_an_edge(pixels: [[f32; 2]; 12]) -> Vec<MixedPixel> {
         let (w, h) = (12, 7);
@@ -407,8 +540,15 @@ mod tests {
         let color: Vec<f32> = (0..2 * w * h).map(|i| pixels[i % w][i / (w * h)]).collect();
         let s: Vec<f32> = (0..w * h).map(|i| if i % w < 5 { 8.0 } else { 0.0 }).collect();
         let connectivity = super::super::edges::connectivity(&s, w, h);
-        let frame =
-            FrontLayer { size, lights: 1, color: &color, s: &s, connectivity: &connectivity, known: &[] };
+        let frame = FrontLayer {
+            size,
+            lights: 1,
+            color: &color,
+            s: &s,
+            connectivity: &connectivity,
+            known: &[],
+            behind: &[],
+        };
         unmix(&frame, Separated::All, &Cancel::default()).unwrap()
     }
 

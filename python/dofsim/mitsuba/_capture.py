@@ -281,13 +281,16 @@ def averaged(
     """Give a first layer, (H, W, 4), the colours that a pinhole sees, averaged over pixels, (H, W, 3).
 
     What is in focus is then as smooth as they are. At silhouettes they mix two surfaces, and a pixel has one
-    depth. What one pixel has too much of a surface its neighbour has too little of, and both are blurred; but
-    a highlight would be seen at the other one's depth, and so would nothing at all. Beside these, the layer's
-    own colour stays, that of the surface at the pixel's centre.
+    depth. What one pixel has too much of a surface its neighbour has too little of, and both are blurred.
+    Highlights are taken apart in a render, but only in a layer without gaps. In one with gaps, a highlight
+    would be seen at the other surface's depth, and so would nothing at all. Beside these, the layer's own
+    colour stays, that of the surface at the pixel's centre.
     """
     there = first[..., 3] > 0.0
     if not there.any():
         return first
+    if there.all():
+        return np.concatenate([means, first[..., 3:]], axis=-1)
     disparity = np.where(there, 1.0 / depth, 0.0)
     light = np.maximum(first[..., :3].sum(axis=-1), means.sum(axis=-1))
     highlight = light > HIGHLIGHT_RATIO * np.median(light[there])

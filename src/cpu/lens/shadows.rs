@@ -136,23 +136,26 @@ impl<'a> Shadows<'a> {
                     let touched = touched(i, u.clone());
                     first[i].max(*touched.start())..=(first[i] + BLOCK as i32 - 1).min(*touched.end())
                 });
+                // Rows are looked at whole, which compiles to a few instructions.
+                let within = columns.fold(0, |bits, x| bits | 1 << (x - first[0]));
                 for y in rows {
-                    let row = y as usize * padding.stride;
-                    let cells = row + *columns.start() as usize..row + *columns.end() as usize + 1;
-                    let d = [columns.start() - self.place[0], y - self.place[1]];
-                    let codes = [from, codes[1]];
-                    let spans = [&planes.lo[cells.clone()], &planes.hi[cells.clone()]];
-                    let mut near = self.near(spans, d, codes, &offsets);
+                    let start = y as usize * padding.stride + first[0] as usize;
+                    let row = |codes: &'a [u16]| -> &'a [u16; BLOCK] {
+                        codes[start..].first_chunk().expect("a row has whole blocks")
+                    };
+                    let d = [first[0] - self.place[0], y - self.place[1]];
+                    let spans = [row(&planes.lo), row(&planes.hi)];
+                    let mut near = within & self.near(spans, d, [from, codes[1]], &offsets);
                     if near == 0 {
                         continue;
                     }
                     let own = &layers[self.layer];
-                    let own = [&own.lo[cells.clone()], &own.hi[cells.clone()]];
-                    near &= !self.of_own_surface(spans[0], (layer != self.layer).then_some(own), d);
+                    let own = (layer != self.layer).then(|| [row(&own.lo), row(&own.hi)]);
+                    near &= !self.of_own_surface(spans[0], own, d);
                     while near != 0 {
                         let x = near.trailing_zeros();
                         near &= near - 1;
-                        let index = cells.start + x as usize;
+                        let index = start + x as usize;
                         let (lo, hi) = (planes.lo[index], planes.hi[index]);
                         let d = [d[0] + x as i32, d[1]];
                         self.shade(&Cell { index, layer, d, lo, hi }, &offsets, hidden);
@@ -165,13 +168,19 @@ impl<'a> Shadows<'a> {
     /// Which cells of a row are near some of the beams with these offsets, and have one of these codes. The first
     /// cell is at the offset `d`.
     #[inline(always)]
-    fn near(&self, [lo, hi]: [&[u16]; 2], d: [i32; 2], codes: [u16; 2], offsets: &[[i32; 2]; 2]) -> u32 {
+    fn near(
+        &self,
+        [lo, hi]: [&[u16; BLOCK]; 2],
+        d: [i32; 2],
+        codes: [u16; 2],
+        offsets: &[[i32; 2]; 2],
+    ) -> u32 {
         let mut near = 0;
         // The `u` at which an offset is the least, and at which it is the greatest, over a cell's span.
         let [[left, right], [above, below]] =
             offsets.map(|[least, greatest]| [least as f32, greatest as f32]);
         let (dx, dy) = (d[0] as f32, d[1] as f32);
-        for i in 0..lo.len() {
+        for i in 0..BLOCK {
             let u = [lo[i], hi[i]].map(|code| greater(f32::from(code) - self.code, 0.0) * self.u_per_code);
             let first = |e: f32| if e < 0.0 { u[1] * e } else { u[0] * e };
             let last = |e: f32| if e < 0.0 { u[0] * e } else { u[1] * e };
@@ -200,11 +209,11 @@ impl<'a> Shadows<'a> {
     /// Which cells of a row certainly let all light through, as [`Shadows::let_through`] finds it. For another layer than
     /// the highlight's, `own` has the spans of the highlight's layer. The first cell is at the offset `d`.
     #[inline(always)]
-    fn of_own_surface(&self, lo: &[u16], own: Option<[&[u16]; 2]>, d: [i32; 2]) -> u32 {
+    fn of_own_surface(&self, lo: &[u16; BLOCK], own: Option<[&[u16; BLOCK]; 2]>, d: [i32; 2]) -> u32 {
         let px_per_code = self.padded.codes.step() as f32;
         let [farthest, nearest] = self.cluster.span.map(f32::from);
         let mut through = 0;
-        for i in 0..lo.len() {
+        for i in 0..BLOCK {
             // Cells are as many steps away as along their longer axis, or along the shorter one if that is one less.
             let steps = (d[0] + i as i32).abs().max(d[1].abs()) as f32;
             let gap_px = px_per_code * (f32::from(lo[i]) - nearest);
@@ -213,7 +222,7 @@ impl<'a> Shadows<'a> {
         }
         let Some([lo, hi]) = own else { return through };
         let mut has_own = 0;
-        for i in 0..lo.len() {
+        for i in 0..BLOCK {
             let steps = (d[0] + i as i32).abs().max(d[1].abs()) as f32;
             let gap_px = px_per_code * greater(f32::from(lo[i]) - nearest, farthest - f32::from(hi[i]));
             has_own |= u32::from(gap_px - self.own_span_px * steps < OTHER_SURFACE_PX) << i;
