@@ -1,5 +1,6 @@
 //! The input of a render: validated colour and disparity, planar, in `f32`.
 
+use crate::carried::Group;
 use crate::memory::Buffer;
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
@@ -94,10 +95,12 @@ pub struct Picture {
     /// Coverage of pixels at edges of a picture of one layer, where it is known beside their colours; in the order of
     /// rows.
     pub edges: Arc<Vec<KnownCoverage>>,
+    /// Channels that a picture of one layer carries.
+    pub carried: Arc<Vec<Group>>,
 }
 
 impl Picture {
-    /// Only these channels.
+    /// Only these channels, and nothing that is carried.
     pub fn of_channels(&self, channels: &[usize]) -> Picture {
         let n = self.size.pixels();
         let layers = self.layers.iter().map(|layer| {
@@ -108,6 +111,7 @@ impl Picture {
             size: Size { channels: channels.len(), ..self.size },
             layers: layers.collect(),
             edges: Arc::clone(&self.edges),
+            carried: Arc::default(),
         }
     }
 
@@ -123,7 +127,12 @@ impl Picture {
             });
             Layer::new(Arc::clone(&layer.color), disparity)
         });
-        Picture { size: self.size, layers: layers.collect(), edges: Arc::clone(&self.edges) }
+        Picture {
+            size: self.size,
+            layers: layers.collect(),
+            edges: Arc::clone(&self.edges),
+            carried: Arc::clone(&self.carried),
+        }
     }
 }
 

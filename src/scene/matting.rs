@@ -6,6 +6,7 @@
 
 use super::edges::{self, CONNECTED_PX, EDGE};
 use crate::cancel::Cancel;
+use crate::carried::{Group, Weighting};
 use crate::error::Result;
 use crate::picture::{KnownCoverage, Size};
 use crate::rows::ITEMS_PER_TASK;
@@ -81,6 +82,28 @@ pub struct MixedPixel {
     /// Shift and colour of the surface behind.
     pub s_back: f32,
     pub back: [f32; 4],
+    pub recipe: Recipe,
+}
+
+/// Where the pure colour of a surface is taken from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Source {
+    /// From the pixels that [`pure_pixels`] finds.
+    Around,
+    /// From one pixel.
+    Pixel(u32),
+}
+
+/// How the colours of both surfaces of a mixed pixel are made of those of pixels: for channels that are carried, which
+/// are all taken apart alike.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Recipe {
+    front: Source,
+    back: Source,
+    /// How much of what the pure colours leave unexplained of the pixel is added to the surface in front.
+    rest_to_front: f32,
+    /// How far the pixel is separated.
+    strength: f32,
 }
 
 /// Weighted mean of colours, and the variance of their light (summed over channels).
@@ -108,12 +131,17 @@ fn sub(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
     std::array::from_fn(|c| a[c] - b[c])
 }
 
-/// The pure colour of the surface at shift `s_surface` around a pixel. It is taken from pixels away from every edge,
-/// nearest rings first, weighted by `1 / r^2`.
-fn pure_color(frame: &FrontLayer, x: usize, y: usize, s_surface: f32) -> Option<([f32; 4], f32)> {
-    let mut pure = Pure::default();
+/// Visits the pixels that show nothing but the surface at shift `s_surface` around a pixel, with their weights: those away
+/// from every edge, nearest rings first, weighted by `1 / r^2`.
+fn pure_pixels(
+    frame: &FrontLayer,
+    (x, y): (usize, usize),
+    s_surface: f32,
+    mut visit: impl FnMut(usize, f32),
+) {
+    let mut found = false;
     for ring in 1..=MAX_RING {
-        if ring > 2 && pure.weight > 0.0 {
+        if ring > 2 && found {
             break;
         }
         for dy in -ring..=ring {
@@ -121,31 +149,31 @@ fn pure_color(frame: &FrontLayer, x: usize, y: usize, s_surface: f32) -> Option<
             for dx in (-ring..=ring).step_by(step as usize) {
                 let Some(q) = frame.offset(x, y, dx, dy) else { continue };
                 if frame.connectivity[q] & EDGE == 0 && (frame.s[q] - s_surface).abs() < CONNECTED_PX {
-                    pure.add(frame, frame.color_at(q), 1.0 / (dx * dx + dy * dy) as f32);
+                    visit(q, 1.0 / (dx * dx + dy * dy) as f32);
+                    found = true;
                 }
             }
         }
     }
+}
+
+/// The pure colour of the surface at shift `s_surface` around a pixel, and its variance.
+fn pure_color(frame: &FrontLayer, x: usize, y: usize, s_surface: f32) -> Option<([f32; 4], f32)> {
+    let mut pure = Pure::default();
+    pure_pixels(frame, (x, y), s_surface, |q, weight| pure.add(frame, frame.color_at(q), weight));
     pure.mean_and_variance(frame)
 }
 
-/// The colour of a structure too thin to have a pure pixel. Among the surrounding pixels with the structure's depth,
-/// it is the colour that differs most from the other surface: the structure covers that pixel most.
-fn extreme_color(
-    frame: &FrontLayer,
-    x: usize,
-    y: usize,
-    s_surface: f32,
-    other: [f32; 4],
-) -> Option<[f32; 4]> {
+/// The pixel that shows most of a structure too thin to have a pure pixel. Among the surrounding pixels with the structure's depth,
+/// it is the one whose colour differs most from the other surface: the structure covers that pixel most.
+fn extreme_pixel(frame: &FrontLayer, x: usize, y: usize, s_surface: f32, other: [f32; 4]) -> Option<usize> {
     let around = (-2..=2).flat_map(|dy| (-2..=2).map(move |dx| (dx, dy)));
     around
         .filter_map(|(dx, dy)| frame.offset(x, y, dx, dy))
         .filter(|&q| (frame.s[q] - s_surface).abs() < CONNECTED_PX)
-        .map(|q| frame.color_at(q))
-        .map(|color| (frame.norm2(sub(color, other)), color))
+        .map(|q| (frame.norm2(sub(frame.color_at(q), other)), q))
         .reduce(|best, next| if next.0 > best.0 { next } else { best })
-        .map(|(_, color)| color)
+        .map(|(_, q)| q)
 }
 
 /// Which edge pixels are separated.
@@ -172,23 +200,28 @@ impl Separated {
 /// Separates one edge pixel; `None` if no pure colour is known of either surface, or it is not to be separated.
 fn unmix_pixel(frame: &FrontLayer, separated: Separated, x: usize, y: usize) -> Option<MixedPixel> {
     let index = y * frame.size.width + x;
-    let around = || {
-        let offsets = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy)));
-        offsets.filter_map(|(dx, dy)| frame.offset(x, y, dx, dy).map(|q| (dx, dy, frame.s[q])))
-    };
-    let s_front = around().map(|n| n.2).fold(f32::NEG_INFINITY, f32::max);
-    let s_back = around().map(|n| n.2).fold(f32::INFINITY, f32::min);
+    let (s_front, s_back) = surfaces(frame, x, y);
     if s_front - s_back < CONNECTED_PX {
         return None;
     }
 
     let strength = edges::strength(frame.s, frame.size.width, frame.size.height, x, y);
     let (front, back) = (pure_color(frame, x, y, s_front), pure_color(frame, x, y, s_back));
+    // The variance of a guessed colour is unknown; it is taken to be that of the other colour.
+    let guessed = |q: usize, variance: f32| (frame.color_at(q), variance);
+    let mut sources = [Source::Around; 2];
     let ((front, front_variance), (back, back_variance)) = match (front, back) {
         (Some(front), Some(back)) => (front, back),
-        // The variance of a guessed colour is unknown; it is taken to be that of the other colour.
-        (None, Some(back)) => ((extreme_color(frame, x, y, s_front, back.0)?, back.1), back),
-        (Some(front), None) => (front, (extreme_color(frame, x, y, s_back, front.0)?, front.1)),
+        (None, Some(back)) => {
+            let guess = extreme_pixel(frame, x, y, s_front, back.0)?;
+            sources[0] = Source::Pixel(guess as u32);
+            (guessed(guess, back.1), back)
+        }
+        (Some(front), None) => {
+            let guess = extreme_pixel(frame, x, y, s_back, front.0)?;
+            sources[1] = Source::Pixel(guess as u32);
+            (front, guessed(guess, front.1))
+        }
         (None, None) => return None,
     };
     let share = separated.strength(frame, front, back);
@@ -200,7 +233,7 @@ fn unmix_pixel(frame: &FrontLayer, separated: Separated, x: usize, y: usize) -> 
     // The coverage as depth alone suggests it: the [1 2 1]^2 average of "in front".
     let middle = 0.5 * (s_front + s_back);
     let (mut in_front, mut all) = (0.0, 0.0);
-    for (dx, dy, s) in around() {
+    for (dx, dy, s) in around(frame, x, y) {
         let weight = ((2 - dx.abs()) * (2 - dy.abs())) as f32;
         all += weight;
         in_front += if s > middle { weight } else { 0.0 };
@@ -235,7 +268,83 @@ fn unmix_pixel(frame: &FrontLayer, separated: Separated, x: usize, y: usize) -> 
             varied(own_back, s_back, back, back_variance),
         )
     };
-    Some(split.begun(index, pixel.color, frame.s[index], (s_front, s_back), strength))
+    Some(split.begun(index, pixel.color, frame.s[index], (s_front, s_back), (sources, strength)))
+}
+
+/// The shifts of a pixel and of its eight neighbours, with their offsets.
+fn around<'a>(frame: &'a FrontLayer, x: usize, y: usize) -> impl Iterator<Item = (i32, i32, f32)> + use<'a> {
+    let offsets = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy)));
+    offsets.filter_map(move |(dx, dy)| frame.offset(x, y, dx, dy).map(|q| (dx, dy, frame.s[q])))
+}
+
+/// The greatest and the least shift of a pixel and its neighbours: those of the surfaces that it may mix.
+fn surfaces(frame: &FrontLayer, x: usize, y: usize) -> (f32, f32) {
+    let shifts = || around(frame, x, y).map(|n| n.2);
+    (shifts().fold(f32::NEG_INFINITY, f32::max), shifts().fold(f32::INFINITY, f32::min))
+}
+
+/// The values of both surfaces of every mixed pixel in each of some groups of carried channels: group after group for one
+/// pixel, then the next pixel. `frame` has the shifts of which the pixels were separated.
+pub fn carried(frame: &FrontLayer, mixed: &[MixedPixel], groups: &[Group]) -> Vec<[[f32; 4]; 2]> {
+    if groups.is_empty() {
+        return Vec::new();
+    }
+    let of_pixel = |&m: &MixedPixel| {
+        let (x, y) = (m.index % frame.size.width, m.index / frame.size.width);
+        let (s_front, s_back) = surfaces(frame, x, y);
+        let ends = [(m.recipe.front, s_front), (m.recipe.back, s_back)].map(|(source, s)| {
+            let mut pixels = Vec::new();
+            match source {
+                Source::Around => pure_pixels(frame, (x, y), s, |q, weight| pixels.push((q, weight))),
+                Source::Pixel(q) => pixels.push((q as usize, 1.0)),
+            }
+            let all: f32 = pixels.iter().map(|(_, weight)| weight).sum();
+            pixels.iter_mut().for_each(|(_, weight)| *weight /= all);
+            pixels
+        });
+        groups.iter().map(move |group| {
+            let pure = ends.each_ref().map(|pixels| {
+                let mut sum = [0.0; 4];
+                for &(q, weight) in pixels {
+                    sum.iter_mut().zip(group.at(q)).for_each(|(sum, v)| *sum += weight * v);
+                }
+                sum
+            });
+            m.recipe.apply(m.coverage, group.weighting, group.at(m.index), pure)
+        })
+    };
+    mixed.par_iter().flat_map_iter(of_pixel).collect()
+}
+
+impl Recipe {
+    /// The values in front and behind of a pixel of which `coverage` is in front, from its own and the two pure ones.
+    fn apply(
+        &self,
+        coverage: f32,
+        weighting: Weighting,
+        own: [f32; 4],
+        [front, back]: [[f32; 4]; 2],
+    ) -> [[f32; 4]; 2] {
+        let (a, b) = (coverage, 1.0 - coverage);
+        let to_front = self.rest_to_front;
+        let to_back = if b > 0.0 { (1.0 - a * to_front) / b } else { 0.0 };
+        let ends = match weighting {
+            Weighting::Mean => [front, back],
+            Weighting::Light => {
+                let rest: [f32; 4] = std::array::from_fn(|c| own[c] - a * front[c] - b * back[c]);
+                [
+                    std::array::from_fn(|c| front[c] + to_front * rest[c]),
+                    std::array::from_fn(|c| back[c] + to_back * rest[c]),
+                ]
+            }
+        };
+        ends.map(|end| std::array::from_fn(|c| toward(self.strength, own[c], end[c])))
+    }
+}
+
+/// What `v` becomes where a pixel is separated so far, and entirely `end`.
+fn toward(strength: f32, v: f32, end: f32) -> f32 {
+    if strength < 1.0 { v + strength * (end - v) } else { end }
 }
 
 /// How far around a pixel [`spread`] searches, half a block: one lamp on a surface makes others nearby likely.
@@ -269,6 +378,8 @@ struct Split {
     coverage: f32,
     front: [f32; 4],
     back: [f32; 4],
+    /// See [`Recipe::rest_to_front`].
+    rest_to_front: f32,
 }
 
 impl Split {
@@ -280,9 +391,9 @@ impl Split {
         color: [f32; 4],
         s: f32,
         (s_front, s_back): (f32, f32),
-        strength: f32,
+        ([front, back], strength): ([Source; 2], f32),
     ) -> MixedPixel {
-        let toward = |v: f32, end: f32| if strength < 1.0 { v + strength * (end - v) } else { end };
+        let toward = |v: f32, end: f32| toward(strength, v, end);
         let colored = |end: [f32; 4]| std::array::from_fn(|c| toward(color[c], end[c]));
         MixedPixel {
             index,
@@ -291,6 +402,7 @@ impl Split {
             coverage: self.coverage,
             s_back: toward(s, s_back),
             back: colored(self.back),
+            recipe: Recipe { front, back, rest_to_front: self.rest_to_front, strength },
         }
     }
 }
@@ -322,7 +434,8 @@ impl Pixel<'_> {
         let (a, b) = (coverage, 1.0 - coverage);
         let share = 1.0 / (a * a * front_variance + b * b * back_variance);
         let rest = self.rest(coverage);
-        let mut split = Split { coverage, front: self.front, back: self.back };
+        let rest_to_front = self.rest_to_front([a, b], a * front_variance * share, rest);
+        let mut split = Split { coverage, front: self.front, back: self.back, rest_to_front };
         for c in 0..4 {
             split.front[c] += a * front_variance * share * rest[c];
             split.back[c] += b * back_variance * share * rest[c];
@@ -345,6 +458,23 @@ impl Pixel<'_> {
             }
         }
         split
+    }
+}
+
+impl Pixel<'_> {
+    /// How much of the unexplained rest of a pixel goes to the surface in front, in all channels alike: as much as `wanted`,
+    /// or what comes nearest to it of what leaves no light of either surface negative. If nothing does so in all channels,
+    /// it is what lies in the middle between those that ask for the most and for the least.
+    fn rest_to_front(&self, [a, b]: [f32; 2], wanted: f32, rest: [f32; 4]) -> f32 {
+        if a <= 0.0 || b <= 0.0 {
+            return wanted;
+        }
+        let (mut least, mut most) = (0.0f32, 1.0 / a);
+        for c in (0..self.frame.lights).filter(|&c| rest[c] < 0.0 && self.color[c] >= 0.0) {
+            most = most.min(self.front[c].max(0.0) / -rest[c]);
+            least = least.max((1.0 - b * self.back[c].max(0.0) / -rest[c]) / a);
+        }
+        if least > most { 0.5 * (least + most) } else { wanted.clamp(least, most) }
     }
 }
 

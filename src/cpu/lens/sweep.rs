@@ -9,10 +9,12 @@ use super::lanes::{CellRay, HalfPlaneRow, Lanes, Portable};
 use super::padded::Padded;
 use super::padded_layer::{PaddedLayer, PartialPlanes};
 use super::tile_color::TileColor;
+use crate::carried::Group;
 use crate::plan::lens::Missed;
 use crate::plan::lens::lens_samples::LensSample;
 use crate::plan::lens::optical_vignetting::{PupilClip, Seen};
 use crate::plan::lens::ray::Ray;
+use crate::rows::with_channels;
 use crate::scene::depth_bounds::{DepthBits, any_bin};
 use crate::scene::grid::{BLOCK, TILE};
 use crate::simd::{InstructionSet, Simd};
@@ -33,6 +35,14 @@ struct Segment {
     layer: u32,
     /// The segment's own number.
     number: u32,
+}
+
+/// Cells that some of the pixels that are swept together have met: those with a bit, at one offset in one layer.
+#[derive(Debug, Clone, Copy)]
+struct Hit {
+    layer: u32,
+    offset: i32,
+    cells: [u32; ROWS],
 }
 
 /// A segment of a ray, as traced.
@@ -59,6 +69,8 @@ pub struct Segments {
     kept: Vec<Segment>,
     /// The numbers of those samples, and the ends of their kept segments.
     unknown: Vec<(u32, u32)>,
+    /// What the other samples of the current pixels have met, for channels that are added up afterwards.
+    hits: Vec<Hit>,
 }
 
 /// Runs of set bits, as `first .. end`.
@@ -113,7 +125,7 @@ impl Segments {
 
     /// Culls the segments for the part of the tile that begins at `place` in the padded frame.
     fn cull(&mut self, patches: &PatchBounds, place: (usize, usize)) {
-        let Segments { traced, ends, met, kept, unknown, seen } = self;
+        let Segments { traced, ends, met, kept, unknown, seen, .. } = self;
         let entry = patches.entry(place);
         // There is room for all segments, so keeping one only increments a counter.
         if kept.len() < traced.len() {
@@ -254,7 +266,7 @@ impl<const C: usize> Planes<'_, C> {
 }
 
 /// Sweeps `CELLS` x `ROWS` pixels and adds up every sample. The first pixel is at `at_tile` in the tile and at `base`
-/// in the padded frame.
+/// in the padded frame. `hit` is told what the samples have met that are not in [`Segments::met`].
 ///
 /// # Safety
 ///
@@ -269,6 +281,7 @@ unsafe fn sweep_rows<L: Lanes, const C: usize>(
     base: usize,
     sums: &mut [[[f32; MOST]; C]; ROWS],
     missed: &mut [[u16; MOST]; ROWS],
+    mut hit: impl FnMut(&Segment, [L::Mask; ROWS]),
 ) {
     // SAFETY: per the function's contract.
     unsafe {
@@ -311,6 +324,7 @@ unsafe fn sweep_rows<L: Lanes, const C: usize>(
                         hits[row] = layer.covering::<L>(hits[row], first + row * stride, ray);
                     }
                 }
+                hit(segment, hits);
                 for row in 0..ROWS {
                     for c in 0..C {
                         let color = layer.color[c].add(first + row * stride);
@@ -333,6 +347,159 @@ unsafe fn sweep_rows<L: Lanes, const C: usize>(
         for row in 0..ROWS {
             for c in 0..C {
                 L::store(sum[row][c], sums[row][c].as_mut_ptr());
+            }
+        }
+    }
+}
+
+/// Adds up, in other channels, what [`sweep_rows`] has met: in the same order, and so with the same bits.
+///
+/// # Safety
+///
+/// As for [`sweep_rows`].
+#[inline(always)]
+unsafe fn add_hits<L: Lanes, const C: usize>(
+    color: &[[*const f32; Group::MOST]],
+    stride: usize,
+    (met, hits): (&[Segment], &[Hit]),
+    base: usize,
+    sums: &mut [[[f32; MOST]; C]; ROWS],
+) {
+    // SAFETY: per the function's contract.
+    unsafe {
+        let mut sum = [[L::zero(); C]; ROWS];
+        for met in met {
+            let color = color.get_unchecked(met.layer as usize);
+            let first = base.wrapping_add_signed(met.offset as isize);
+            for row in 0..ROWS {
+                for c in 0..C {
+                    L::add_all(&mut sum[row][c], color[c].add(first + row * stride));
+                }
+            }
+        }
+        for hit in hits {
+            let color = color.get_unchecked(hit.layer as usize);
+            let first = base.wrapping_add_signed(hit.offset as isize);
+            for row in 0..ROWS {
+                let cells = L::mask(hit.cells[row]);
+                for c in 0..C {
+                    L::add(&mut sum[row][c], color[c].add(first + row * stride), cells);
+                }
+            }
+        }
+        for row in 0..ROWS {
+            for c in 0..C {
+                L::store(sum[row][c], sums[row][c].as_mut_ptr());
+            }
+        }
+    }
+}
+
+/// Sweeps a whole tile for all groups of channels: what is met is found once, and then added up in every group.
+///
+/// # Safety
+///
+/// As for [`sweep_rows`].
+#[inline(always)]
+unsafe fn sweep_tile_of_groups<L: Lanes>(
+    padded: &Padded,
+    segments: &mut Segments,
+    origin: (usize, usize),
+    missed_rule: Missed,
+    out: &mut [TileColor],
+) {
+    let layers: Vec<Planes<0>> = padded.layers.iter().map(Planes::of).collect();
+    let stride = padded.padding.stride;
+    let firsts = out.iter().scan(0, |end, group| {
+        let first = *end;
+        *end += group.planes.len();
+        Some(first)
+    });
+    let firsts: Vec<usize> = firsts.collect();
+    // Channels that a group does not have are not read.
+    let planes = |first: usize, n: usize| {
+        let of =
+            move |layer: &PaddedLayer| std::array::from_fn(|c| layer.color[first + c.min(n - 1)].as_ptr());
+        padded.layers.iter().map(of).collect()
+    };
+    let colors = firsts.iter().zip(&*out).map(|(first, out)| planes(*first, out.planes.len()));
+    let colors: Vec<Vec<[*const f32; Group::MOST]>> = colors.collect();
+    let mut hits = std::mem::take(&mut segments.hits);
+    for (x, part_y) in parts() {
+        let place = (origin.0 + padded.padding.pad + x, origin.1 + padded.padding.pad + part_y);
+        segments.cull(&padded.patches, place);
+        let columns = || (x..x + PART.0).step_by(L::CELLS);
+        let rows = (part_y..part_y + PART.1).step_by(ROWS);
+        for (x, y) in rows.flat_map(|y| columns().map(move |x| (x, y))) {
+            let base = padded.padding.index(origin.0 + x, origin.1 + y);
+            let mut missed = [[0u16; MOST]; ROWS];
+            hits.clear();
+            // SAFETY: per the function's contract.
+            unsafe {
+                let hit = |segment: &Segment, cells: [L::Mask; ROWS]| {
+                    let Segment { layer, offset, .. } = *segment;
+                    hits.push(Hit { layer, offset, cells: cells.map(|cells| L::bits(cells)) });
+                };
+                sweep_rows::<L, 0>(
+                    &layers,
+                    stride,
+                    segments,
+                    (x, y),
+                    base,
+                    &mut [[]; ROWS],
+                    &mut missed,
+                    hit,
+                );
+            }
+            for ((out, color), first) in out.iter_mut().zip(&colors).zip(&firsts) {
+                with_channels!(out.planes.len(), C => {
+                    let mut sums = [[[0.0; MOST]; C]; ROWS];
+                    // SAFETY: per the function's contract.
+                    unsafe { add_hits::<L, C>(color, stride, (&segments.met, &hits), base, &mut sums) };
+                    let own = std::array::from_fn(|c| &padded.layers[0].color[first + c][base..]);
+                    let pixels = Pixels { segments, missed: &missed, missed_rule, at: (x, y), cells: L::CELLS };
+                    pixels.divide(&sums, own, stride, out);
+                });
+            }
+        }
+    }
+    segments.hits = hits;
+}
+
+/// Pixels that were swept together.
+struct Pixels<'a> {
+    segments: &'a Segments,
+    /// How many samples of each have met nothing, and what that means.
+    missed: &'a [[u16; MOST]; ROWS],
+    missed_rule: Missed,
+    /// The first of them in the tile, and how many there are in a row.
+    at: (usize, usize),
+    cells: usize,
+}
+
+impl Pixels<'_> {
+    /// Divides sums by the number of samples. If no sample met a cell, a pixel keeps the colour of its `own` cell.
+    #[inline(always)]
+    fn divide<const C: usize>(
+        &self,
+        sums: &[[[f32; MOST]; C]; ROWS],
+        own: [&[f32]; C],
+        stride: usize,
+        out: &mut TileColor,
+    ) {
+        let (x, y) = self.at;
+        for row in 0..ROWS {
+            for lane in 0..self.cells {
+                let samples = self.segments.seen_from(x + lane, y + row) as f32;
+                let met = match self.missed_rule {
+                    Missed::Nothing => samples,
+                    Missed::Unknown => samples - f32::from(self.missed[row][lane]),
+                };
+                let at = (y + row) * TILE.0 + x + lane;
+                for c in 0..C {
+                    out.planes[c][at] =
+                        if met > 0.0 { sums[row][c][lane] / met } else { own[c][row * stride + lane] };
+                }
             }
         }
     }
@@ -363,25 +530,21 @@ unsafe fn sweep_tile<L: Lanes, const C: usize>(
             let mut sums = [[[0.0; MOST]; C]; ROWS];
             let mut missed = [[0u16; MOST]; ROWS];
             // SAFETY: per the function's contract.
-            unsafe { sweep_rows::<L, C>(&layers, stride, segments, (x, y), base, &mut sums, &mut missed) };
-            for row in 0..ROWS {
-                for lane in 0..L::CELLS {
-                    let samples = segments.seen_from(x + lane, y + row) as f32;
-                    let met = match missed_rule {
-                        Missed::Nothing => samples,
-                        Missed::Unknown => samples - f32::from(missed[row][lane]),
-                    };
-                    let at = (y + row) * TILE.0 + x + lane;
-                    for c in 0..C {
-                        // If no sample met a cell, the pixel keeps the colour of its own cell.
-                        out.planes[c][at] = if met > 0.0 {
-                            sums[row][c][lane] / met
-                        } else {
-                            padded.layers[0].color[c][base + row * stride + lane]
-                        };
-                    }
-                }
+            unsafe {
+                sweep_rows::<L, C>(
+                    &layers,
+                    stride,
+                    segments,
+                    (x, y),
+                    base,
+                    &mut sums,
+                    &mut missed,
+                    |_, _| {},
+                );
             }
+            let own = std::array::from_fn(|c| &padded.layers[0].color[c][base..]);
+            let pixels = Pixels { segments, missed: &missed, missed_rule, at: (x, y), cells: L::CELLS };
+            pixels.divide(&sums, own, stride, out);
         }
     }
 }
@@ -392,11 +555,11 @@ fn parts() -> impl Iterator<Item = (usize, usize)> {
     rows.flat_map(|y| (0..TILE.0).step_by(PART.0).map(move |x| (x, y)))
 }
 
-/// One compiled sweep: an instruction set and a number of channels.
-type SweepFn = unsafe fn(&Padded, &mut Segments, (usize, usize), Missed, &mut TileColor);
+/// One compiled sweep: an instruction set, and a number of channels or groups.
+type SweepFn<Out> = unsafe fn(&Padded, &mut Segments, (usize, usize), Missed, &mut Out);
 
 macro_rules! instantiate {
-    ($($name:ident, $lanes:ty, $($feature:literal)?;)*) => {
+    ($($name:ident, $of_groups:ident, $lanes:ty, $($feature:literal)?;)*) => {
         $(
             /// # Safety
             ///
@@ -412,17 +575,32 @@ macro_rules! instantiate {
                 // SAFETY: per the function's contract.
                 unsafe { sweep_tile::<$lanes, C>(padded, segments, origin, missed, out) }
             }
+
+            /// # Safety
+            ///
+            /// As for [`sweep_tile_of_groups`].
+            $(#[target_feature(enable = $feature)])?
+            unsafe fn $of_groups(
+                padded: &Padded,
+                segments: &mut Segments,
+                origin: (usize, usize),
+                missed: Missed,
+                out: &mut [TileColor],
+            ) {
+                // SAFETY: per the function's contract.
+                unsafe { sweep_tile_of_groups::<$lanes>(padded, segments, origin, missed, out) }
+            }
         )*
     };
 }
 
 instantiate! {
-    portable, Portable, ;
+    portable, portable_groups, Portable, ;
 }
 #[cfg(target_arch = "x86_64")]
 instantiate! {
-    avx2, super::lanes::Avx2, "avx2";
-    avx512, super::lanes::Avx512, "avx512f,avx512bw";
+    avx2, avx2_groups, super::lanes::Avx2, "avx2";
+    avx512, avx512_groups, super::lanes::Avx512, "avx512f,avx512bw";
 }
 
 macro_rules! by_channels {
@@ -432,8 +610,8 @@ macro_rules! by_channels {
 }
 
 /// The sweep for an instruction set and a number of channels.
-fn sweep_for(simd: Simd, channels: usize) -> SweepFn {
-    let by_channels: [SweepFn; 4] = match simd.instruction_set() {
+fn sweep_for(simd: Simd, channels: usize) -> SweepFn<TileColor> {
+    let by_channels: [SweepFn<TileColor>; 4] = match simd.instruction_set() {
         InstructionSet::Portable => by_channels!(portable),
         #[cfg(target_arch = "x86_64")]
         InstructionSet::Avx2 => by_channels!(avx2),
@@ -443,7 +621,18 @@ fn sweep_for(simd: Simd, channels: usize) -> SweepFn {
     by_channels[channels - 1]
 }
 
-/// Sweeps the tile at `origin` over all samples of `segments`.
+/// The sweep of all groups for an instruction set.
+fn sweep_of_groups_for(simd: Simd) -> SweepFn<[TileColor]> {
+    match simd.instruction_set() {
+        InstructionSet::Portable => portable_groups,
+        #[cfg(target_arch = "x86_64")]
+        InstructionSet::Avx2 => avx2_groups,
+        #[cfg(target_arch = "x86_64")]
+        InstructionSet::Avx512 => avx512_groups,
+    }
+}
+
+/// Sweeps the tile at `origin` over all samples of `segments`, for each group of channels.
 ///
 /// # Safety
 ///
@@ -455,10 +644,14 @@ pub unsafe fn sweep(
     segments: &mut Segments,
     origin: (usize, usize),
     missed: Missed,
-    out: &mut TileColor,
+    out: &mut [TileColor],
 ) {
-    let sweep = sweep_for(simd, out.planes.len());
     // SAFETY: the instructions have been detected, otherwise this `Simd` would not exist; the rest is this function's
     // contract.
-    unsafe { sweep(padded, segments, origin, missed, out) }
+    unsafe {
+        match out {
+            [only] => sweep_for(simd, only.planes.len())(padded, segments, origin, missed, only),
+            groups => sweep_of_groups_for(simd)(padded, segments, origin, missed, groups),
+        }
+    }
 }
