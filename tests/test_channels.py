@@ -1,4 +1,4 @@
-"""Laws of channels that go through a lens by a guide: any number, of any meaning, each the same linear map."""
+"""Laws of channels that go through a lens by a guide: each is the same linear map, whatever it holds."""
 
 import dofsim
 import numpy as np
@@ -43,7 +43,7 @@ def guide(depth):
 
 @pytest.fixture(scope="module")
 def rgba(guide):
-    """The guide with coverage: a background that is not there, with soft edges."""
+    """Give the guide coverage: a background that is not there, with soft edges."""
     x, y = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
     alpha = np.clip(np.hypot(x - 20, y - 75) / 4 - 4, 0, 1)
     return np.dstack([guide * alpha[..., None], alpha]).astype(np.float32)
@@ -168,7 +168,9 @@ def test_mattes_of_objects_add_up_to_the_coverage(depth, rgba):
 def test_a_lens_darkens_light_and_nothing_else(depth, guide):
     ones = np.ones((*SIZE, 3), np.float32)
     dark = dofsim.Lens(aperture_radius=0.05, focus_distance=2.0, fov=70.0, vignetting="natural")
-    out = render(ones, np.full(SIZE, 2.0), guide, kinds=["light", "matte", "data"], depth_kind="z", through=dark)
+    out = render(
+        ones, np.full(SIZE, 2.0), guide, kinds=["light", "matte", "data"], depth_kind="z", through=dark
+    )
     assert out[0, 0, 0] < 0.8
     np.testing.assert_array_equal(out[..., 1:], 1.0)
 

@@ -7,8 +7,8 @@
 use super::edges::{self, CONNECTED_PX, EDGE};
 use super::grid::BLOCK;
 use super::matting::{FrontLayer, MixedPixel};
+use super::recipe::{Cargo, Source};
 use crate::cancel::Cancel;
-use crate::carried::Group;
 use crate::error::Result;
 use crate::rows::ITEMS_PER_TASK;
 use rayon::prelude::*;
@@ -34,40 +34,6 @@ pub struct Hidden {
     pub color: [f32; 4],
     /// Its values in each group of carried channels.
     pub carried: Vec<[f32; 4]>,
-}
-
-/// Channels that are filled by the weights of the colours.
-#[derive(Clone, Copy)]
-pub struct Cargo<'a> {
-    pub groups: &'a [Group],
-    /// The values of both surfaces of the mixed pixels; see [`carried`](super::matting::carried).
-    pub mixed: &'a [[[f32; 4]; 2]],
-}
-
-/// The pixel whose colour a ray brings along.
-#[derive(Clone, Copy)]
-enum Source {
-    Pixel(usize),
-    /// The surface behind the mixed pixel of this number.
-    Behind(usize),
-}
-
-impl Cargo<'_> {
-    /// Channels that nothing has been added to.
-    fn nothing(&self) -> Vec<[f32; 4]> {
-        vec![[0.0; 4]; self.groups.len()]
-    }
-
-    /// Adds a source to every group of channels.
-    fn add(&self, sum: &mut [[f32; 4]], weight: f32, source: Source) {
-        for (g, (sum, group)) in sum.iter_mut().zip(self.groups).enumerate() {
-            let values = match source {
-                Source::Pixel(q) => group.at(q),
-                Source::Behind(i) => self.mixed[i * self.groups.len() + g][1],
-            };
-            sum.iter_mut().zip(values).for_each(|(sum, v)| *sum += weight * v);
-        }
-    }
 }
 
 /// The surface on which the rays of all directions agree.

@@ -4,6 +4,7 @@
 //! half-plane. The layers depend on the strength of the lens (`s = k d`) but not on its focus: a focal stack shares
 //! them.
 
+use super::carried;
 use super::colors::{CellColor, Colors};
 use super::depth_bounds::DepthBounds;
 use super::depth_codes::DepthCodes;
@@ -12,11 +13,11 @@ use super::depth_spans::{self, DepthSpans};
 use super::edges::{self, CONNECTED_PX, EDGE};
 use super::half_plane::HalfPlane;
 use super::highlights::{self, Bright, HIGHLIGHT_RATIO};
-use super::inpaint::{self, Cargo, Hidden, SAME_SURFACE_PX};
+use super::inpaint::{self, Hidden, SAME_SURFACE_PX};
 use super::layer::SceneLayer;
-use super::matting::{self, FrontLayer, MixedPixel, Separated, unmix};
+use super::matting::{FrontLayer, MixedPixel, Separated, unmix};
+use super::recipe::Cargo;
 use crate::cancel::Cancel;
-use crate::carried::Group;
 use crate::error::Result;
 use crate::memory::Buffer;
 use crate::picture::{Layer, Picture, Size};
@@ -166,57 +167,34 @@ fn from_one_layer(
         known: &picture.edges,
     };
     let mixed = unmix(&frame, Separated::All, cancel)?;
-    let given = groups.iter().map(|group| Colors::new(group.size, Arc::clone(&group.planes)));
+    let given = || groups.iter().map(|group| Colors::new(group.size, Arc::clone(&group.planes))).collect();
     if mixed.is_empty() {
         let front = SceneLayer {
             s: Arc::new(s),
             colors,
-            carried: given.collect(),
+            carried: given(),
             partial: Arc::default(),
             connectivity: Arc::new(connectivity),
         };
         return Ok(LayeredScene::new(size, vec![front], true, simd));
     }
     let partial = half_planes(&frame, &mixed);
-    let carried = matting::carried(&frame, &mixed, groups);
-    let hidden = inpaint::hidden(&frame, &s, &mixed, Cargo { groups, mixed: &carried }, cancel)?;
+    let values = carried::of_mixed(&frame, &mixed, groups);
+    let hidden = inpaint::hidden(&frame, &s, &mixed, Cargo { groups, mixed: &values }, cancel)?;
 
     let (front_colors, both) = split(&mixed, &mut s);
     let back = both.iter().map(|m| (m.index, m.s_back, m.back));
     let mut back = layer_of_cells(size, back.chain(hidden.iter().map(|h| (h.index, h.s, h.color))));
     let of_groups = groups.iter().enumerate();
-    back.carried = of_groups.map(|(g, group)| carried_behind(group, g, &mixed, &carried, &hidden)).collect();
-    let in_front = |(g, given): (usize, Colors)| {
-        let cells = mixed.iter().zip(carried.iter().skip(g).step_by(groups.len()));
-        let color = |(m, [front, back]): (&MixedPixel, &[[f32; 4]; 2])| CellColor {
-            index: m.index,
-            color: if m.coverage > 0.0 { *front } else { *back },
-        };
-        given.with(cells.map(color).collect())
-    };
+    back.carried = of_groups.map(|(g, group)| carried::behind(group, g, &mixed, &values, &hidden)).collect();
     let front = SceneLayer {
         s: Arc::new(s),
         colors: colors.with(front_colors),
-        carried: given.enumerate().map(in_front).collect(),
+        carried: carried::in_front(given(), &mixed, &values),
         partial: Arc::new(partial),
         connectivity: Arc::new(connectivity),
     };
     Ok(LayeredScene::new(size, vec![front, back], true, simd))
-}
-
-/// The values, in group number `g` of the carried channels, of the surfaces behind mixed pixels and of the hidden ones.
-fn carried_behind(
-    group: &Group,
-    g: usize,
-    mixed: &[MixedPixel],
-    carried: &[[[f32; 4]; 2]],
-    hidden: &[Hidden],
-) -> Colors {
-    let groups = carried.len() / mixed.len();
-    let both = mixed.iter().zip(carried.iter().skip(g).step_by(groups)).filter(|(m, _)| m.coverage > 0.0);
-    let both = both.map(|(m, [_, back])| CellColor { index: m.index, color: *back });
-    let hidden = hidden.iter().map(|h| CellColor { index: h.index, color: h.carried[g] });
-    Colors::of_cells(group.size, both.chain(hidden).collect())
 }
 
 /// Gives mixed pixels the shifts of their surfaces in front. Returns these surfaces' colours, and the pixels that have both

@@ -5,8 +5,8 @@
 //! carries the mixture; one such pixel on the rim of a bright lamp contaminates its whole neighbourhood.
 
 use super::edges::{self, CONNECTED_PX, EDGE};
+use super::recipe::{PureSource, Recipe, toward};
 use crate::cancel::Cancel;
-use crate::carried::{Group, Weighting};
 use crate::error::Result;
 use crate::picture::{KnownCoverage, Size};
 use crate::rows::ITEMS_PER_TASK;
@@ -85,27 +85,6 @@ pub struct MixedPixel {
     pub recipe: Recipe,
 }
 
-/// Where the pure colour of a surface is taken from.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Source {
-    /// From the pixels that [`pure_pixels`] finds.
-    Around,
-    /// From one pixel.
-    Pixel(u32),
-}
-
-/// How the colours of both surfaces of a mixed pixel are made of those of pixels: for channels that are carried, which
-/// are all taken apart alike.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Recipe {
-    front: Source,
-    back: Source,
-    /// How much of what the pure colours leave unexplained of the pixel is added to the surface in front.
-    rest_to_front: f32,
-    /// How far the pixel is separated.
-    strength: f32,
-}
-
 /// Weighted mean of colours, and the variance of their light (summed over channels).
 #[derive(Default)]
 struct Pure {
@@ -133,7 +112,7 @@ fn sub(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
 
 /// Visits the pixels that show nothing but the surface at shift `s_surface` around a pixel, with their weights: those away
 /// from every edge, nearest rings first, weighted by `1 / r^2`.
-fn pure_pixels(
+pub(super) fn pure_pixels(
     frame: &FrontLayer,
     (x, y): (usize, usize),
     s_surface: f32,
@@ -209,17 +188,17 @@ fn unmix_pixel(frame: &FrontLayer, separated: Separated, x: usize, y: usize) -> 
     let (front, back) = (pure_color(frame, x, y, s_front), pure_color(frame, x, y, s_back));
     // The variance of a guessed colour is unknown; it is taken to be that of the other colour.
     let guessed = |q: usize, variance: f32| (frame.color_at(q), variance);
-    let mut sources = [Source::Around; 2];
+    let mut sources = [PureSource::Around; 2];
     let ((front, front_variance), (back, back_variance)) = match (front, back) {
         (Some(front), Some(back)) => (front, back),
         (None, Some(back)) => {
             let guess = extreme_pixel(frame, x, y, s_front, back.0)?;
-            sources[0] = Source::Pixel(guess as u32);
+            sources[0] = PureSource::Pixel(guess as u32);
             (guessed(guess, back.1), back)
         }
         (Some(front), None) => {
             let guess = extreme_pixel(frame, x, y, s_back, front.0)?;
-            sources[1] = Source::Pixel(guess as u32);
+            sources[1] = PureSource::Pixel(guess as u32);
             (front, guessed(guess, front.1))
         }
         (None, None) => return None,
@@ -278,73 +257,9 @@ fn around<'a>(frame: &'a FrontLayer, x: usize, y: usize) -> impl Iterator<Item =
 }
 
 /// The greatest and the least shift of a pixel and its neighbours: those of the surfaces that it may mix.
-fn surfaces(frame: &FrontLayer, x: usize, y: usize) -> (f32, f32) {
+pub(super) fn surfaces(frame: &FrontLayer, x: usize, y: usize) -> (f32, f32) {
     let shifts = || around(frame, x, y).map(|n| n.2);
     (shifts().fold(f32::NEG_INFINITY, f32::max), shifts().fold(f32::INFINITY, f32::min))
-}
-
-/// The values of both surfaces of every mixed pixel in each of some groups of carried channels: group after group for one
-/// pixel, then the next pixel. `frame` has the shifts of which the pixels were separated.
-pub fn carried(frame: &FrontLayer, mixed: &[MixedPixel], groups: &[Group]) -> Vec<[[f32; 4]; 2]> {
-    if groups.is_empty() {
-        return Vec::new();
-    }
-    let of_pixel = |&m: &MixedPixel| {
-        let (x, y) = (m.index % frame.size.width, m.index / frame.size.width);
-        let (s_front, s_back) = surfaces(frame, x, y);
-        let ends = [(m.recipe.front, s_front), (m.recipe.back, s_back)].map(|(source, s)| {
-            let mut pixels = Vec::new();
-            match source {
-                Source::Around => pure_pixels(frame, (x, y), s, |q, weight| pixels.push((q, weight))),
-                Source::Pixel(q) => pixels.push((q as usize, 1.0)),
-            }
-            let all: f32 = pixels.iter().map(|(_, weight)| weight).sum();
-            pixels.iter_mut().for_each(|(_, weight)| *weight /= all);
-            pixels
-        });
-        groups.iter().map(move |group| {
-            let pure = ends.each_ref().map(|pixels| {
-                let mut sum = [0.0; 4];
-                for &(q, weight) in pixels {
-                    sum.iter_mut().zip(group.at(q)).for_each(|(sum, v)| *sum += weight * v);
-                }
-                sum
-            });
-            m.recipe.apply(m.coverage, group.weighting, group.at(m.index), pure)
-        })
-    };
-    mixed.par_iter().flat_map_iter(of_pixel).collect()
-}
-
-impl Recipe {
-    /// The values in front and behind of a pixel of which `coverage` is in front, from its own and the two pure ones.
-    fn apply(
-        &self,
-        coverage: f32,
-        weighting: Weighting,
-        own: [f32; 4],
-        [front, back]: [[f32; 4]; 2],
-    ) -> [[f32; 4]; 2] {
-        let (a, b) = (coverage, 1.0 - coverage);
-        let to_front = self.rest_to_front;
-        let to_back = if b > 0.0 { (1.0 - a * to_front) / b } else { 0.0 };
-        let ends = match weighting {
-            Weighting::Mean => [front, back],
-            Weighting::Light => {
-                let rest: [f32; 4] = std::array::from_fn(|c| own[c] - a * front[c] - b * back[c]);
-                [
-                    std::array::from_fn(|c| front[c] + to_front * rest[c]),
-                    std::array::from_fn(|c| back[c] + to_back * rest[c]),
-                ]
-            }
-        };
-        ends.map(|end| std::array::from_fn(|c| toward(self.strength, own[c], end[c])))
-    }
-}
-
-/// What `v` becomes where a pixel is separated so far, and entirely `end`.
-fn toward(strength: f32, v: f32, end: f32) -> f32 {
-    if strength < 1.0 { v + strength * (end - v) } else { end }
 }
 
 /// How far around a pixel [`spread`] searches, half a block: one lamp on a surface makes others nearby likely.
@@ -391,7 +306,7 @@ impl Split {
         color: [f32; 4],
         s: f32,
         (s_front, s_back): (f32, f32),
-        ([front, back], strength): ([Source; 2], f32),
+        ([front, back], strength): ([PureSource; 2], f32),
     ) -> MixedPixel {
         let toward = |v: f32, end: f32| toward(strength, v, end);
         let colored = |end: [f32; 4]| std::array::from_fn(|c| toward(color[c], end[c]));

@@ -1,10 +1,11 @@
 //! A picture and the data that are prepared from it once, for any focus and any device.
 //!
 //! In the order of the work: [`depth_noise`] takes the noise out of the depths, [`edges`] finds depth discontinuities,
-//! [`matting`] separates the two surfaces of edge pixels, [`inpaint`] fills the surfaces that the foreground hides, and
-//! [`layered`] holds the result. [`depth_spans`] and [`depth_bounds`] bound the depths that occur, and [`highlights`]
+//! [`matting`] separates the two surfaces of edge pixels, [`inpaint`] fills the surfaces that the foreground hides,
+//! [`carried`] takes other channels the same way, and [`layered`] holds the result. [`depth_spans`] and [`depth_bounds`] bound the depths that occur, and [`highlights`]
 //! finds the bright cells.
 
+pub(crate) mod carried;
 pub(crate) mod colors;
 pub(crate) mod depth_bounds;
 pub(crate) mod depth_codes;
@@ -18,6 +19,7 @@ mod inpaint;
 pub(crate) mod layer;
 pub(crate) mod layered;
 mod matting;
+mod recipe;
 
 use crate::cancel::Cancel;
 use crate::carried::Carried;

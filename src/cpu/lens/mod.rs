@@ -12,6 +12,7 @@ mod lanes;
 mod padded;
 mod padded_colors;
 mod padded_layer;
+mod segments;
 mod shadows;
 mod sweep;
 mod tile_color;
@@ -39,7 +40,7 @@ use in_focus::Composite;
 use padded::Padded;
 use padded_colors::DrawnGroup;
 use rayon::prelude::*;
-use sweep::{Segments, Start};
+use segments::{Segments, Start};
 use tile_color::TileColor;
 
 /// Tiles that a worker takes at a time: more than elsewhere, because it allocates scratch memory each time.

@@ -4,38 +4,20 @@
 //! through the scene is a list of segments, near to far. Each segment says: read the cells at this offset and take
 //! those whose depth lies in this interval. This needs contiguous loads only, no z-buffer and no gather.
 
-use super::culling::{PART, PatchBounds, Query};
+use super::culling::PART;
 use super::lanes::{CellRay, HalfPlaneRow, Lanes, Portable};
 use super::padded::Padded;
 use super::padded_layer::{PaddedLayer, PartialPlanes};
+use super::segments::{ROWS, Segment, Segments};
 use super::tile_color::TileColor;
 use crate::carried::Group;
 use crate::plan::lens::Missed;
-use crate::plan::lens::lens_samples::LensSample;
-use crate::plan::lens::optical_vignetting::{PupilClip, Seen};
-use crate::plan::lens::ray::Ray;
 use crate::rows::with_channels;
-use crate::scene::depth_bounds::{DepthBits, any_bin};
-use crate::scene::grid::{BLOCK, TILE};
+use crate::scene::grid::TILE;
 use crate::simd::{InstructionSet, Simd};
 
-/// Rows of a tile that are swept together.
-const ROWS: usize = 2;
 /// The largest number of cells of a row that any instruction set processes together.
 const MOST: usize = PART.0;
-
-/// An interval of depth over which a sample's rays stay at one offset.
-#[derive(Debug, Clone, Copy, Default)]
-struct Segment {
-    /// Offset from an output pixel to the cell, in padded cells.
-    offset: i32,
-    /// Depth codes `from .. to`.
-    from: u16,
-    to: u16,
-    layer: u32,
-    /// The segment's own number.
-    number: u32,
-}
 
 /// Cells that some of the pixels that are swept together have met: those with a bit, at one offset in one layer.
 #[derive(Debug, Clone, Copy)]
@@ -43,174 +25,6 @@ struct Hit {
     layer: u32,
     offset: i32,
     cells: [u32; ROWS],
-}
-
-/// A segment of a ray, as traced.
-#[derive(Debug, Clone, Copy)]
-struct Traced {
-    segment: Segment,
-    /// The query whether any cell is there.
-    query: Query,
-    ray: CellRay,
-}
-
-/// The segments of all samples over one tile.
-#[derive(Default)]
-pub struct Segments {
-    traced: Vec<Traced>,
-    /// The end of each sample's segments.
-    ends: Vec<u32>,
-    /// For each sample, the pixels of each row of the tile that see it. Empty if all pixels see all samples.
-    seen: Vec<Seen>,
-    /// For the samples for which it is known: the segment in which every ray of the current part meets its nearest
-    /// cell.
-    met: Vec<Segment>,
-    /// The segments of the other samples that could not be culled for the current part.
-    kept: Vec<Segment>,
-    /// The numbers of those samples, and the ends of their kept segments.
-    unknown: Vec<(u32, u32)>,
-    /// What the other samples of the current pixels have met, for channels that are added up afterwards.
-    hits: Vec<Hit>,
-}
-
-/// Runs of set bits, as `first .. end`.
-fn runs(occupied: &DepthBits) -> Vec<(usize, usize)> {
-    let mut runs: Vec<(usize, usize)> = Vec::new();
-    for bin in (0..256).filter(|bin| occupied[bin / 64] >> (bin % 64) & 1 != 0) {
-        match runs.last_mut() {
-            Some(run) if run.1 == bin => run.1 = bin + 1,
-            _ => runs.push((bin, bin + 1)),
-        }
-    }
-    runs
-}
-
-/// The tile from which rays start, and the depths and the second stop that they may meet.
-pub struct Start<'a> {
-    pub padded: &'a Padded,
-    pub s_focus: f64,
-    pub origin: (usize, usize),
-    /// The depths that occur anywhere within reach.
-    pub occupied: &'a DepthBits,
-    /// The clipping by the second stop, if there is one.
-    pub clip: Option<&'a PupilClip>,
-}
-
-impl Start<'_> {
-    /// The depths of each layer that occur in the tile when it is moved by `cell`.
-    #[inline(always)]
-    fn depths_at(&self, cell: [i32; 2]) -> &[DepthBits] {
-        let (pad, bounds) = (self.padded.padding.pad, &self.padded.bounds);
-        let block = |origin: usize, cell: i32| (origin + pad).wrapping_add_signed(cell as isize) / BLOCK;
-        let b = block(self.origin.1, cell[1]) * bounds.across + block(self.origin.0, cell[0]);
-        &self.padded.windows[b * bounds.layers..][..bounds.layers]
-    }
-}
-
-impl Segments {
-    /// The number of samples that a pixel of the tile sees.
-    fn seen_from(&self, x: usize, y: usize) -> usize {
-        if self.seen.is_empty() {
-            return self.ends.len();
-        }
-        self.seen.iter().filter(|rows| rows[y] >> x & 1 != 0).count()
-    }
-
-    /// The pixels of `ROWS` rows from `(x, y)` on that see sample number `sample`; only for tiles in which not all
-    /// see all.
-    #[inline(always)]
-    fn seen_by(&self, sample: usize, (x, y): (usize, usize)) -> [u32; ROWS] {
-        std::array::from_fn(|row| (self.seen[sample][y + row] >> x) as u32)
-    }
-
-    /// Culls the segments for the part of the tile that begins at `place` in the padded frame.
-    fn cull(&mut self, patches: &PatchBounds, place: (usize, usize)) {
-        let Segments { traced, ends, met, kept, unknown, seen, .. } = self;
-        let entry = patches.entry(place);
-        // There is room for all segments, so keeping one only increments a counter.
-        if kept.len() < traced.len() {
-            kept.resize(traced.len(), Segment::default());
-        }
-        met.clear();
-        unknown.clear();
-        let (mut start, mut n) = (0, 0);
-        for (sample, &end) in ends.iter().enumerate() {
-            let (first, mut all) = (n, false);
-            for Traced { segment, query, .. } in &traced[start..end as usize] {
-                let occupancy = patches.occupancy(entry, query);
-                kept[n] = *segment;
-                n += usize::from(occupancy.any);
-                if occupancy.all {
-                    // All segments behind this one are hidden.
-                    all = true;
-                    break;
-                }
-            }
-            start = end as usize;
-            if all && n == first + 1 && seen.is_empty() {
-                met.push(kept[first]);
-                n = first;
-            } else {
-                unknown.push((sample as u32, n as u32));
-            }
-        }
-    }
-
-    /// Traces every sample through the depths that occur, near to far.
-    #[inline(always)]
-    pub fn trace(&mut self, start: &Start, samples: &[LensSample]) {
-        self.traced.clear();
-        self.ends.clear();
-        self.seen.clear();
-        let runs = runs(start.occupied);
-        for sample in samples {
-            if let Some(clip) = start.clip {
-                let Some(seen) = clip.pixels_seeing(sample.pupil, start.origin) else { continue };
-                self.seen.push(seen);
-            }
-            for &(first_bin, end_bin) in runs.iter().rev() {
-                let (near, far) = ((end_bin * 256).min(usize::from(u16::MAX)), (first_bin * 256).max(1));
-                if sample.in_front == sample.behind {
-                    self.trace_run(start, sample.in_front, sample.start, near, far);
-                } else {
-                    // At the focus all rays are where they started, so a ray through one lens point can continue as
-                    // another.
-                    let focus = start.padded.codes.place(start.s_focus).round();
-                    let focus = focus.clamp(far as f64, near as f64) as usize;
-                    self.trace_run(start, sample.in_front, sample.start, near, focus);
-                    self.trace_run(start, sample.behind, sample.start, focus, far);
-                }
-            }
-            self.ends.push(self.traced.len() as u32);
-        }
-    }
-
-    /// Traces a ray from `ray_start` through lens point `lens`, between two depths.
-    #[inline(always)]
-    fn trace_run(&mut self, start: &Start, lens: [f64; 2], ray_start: [f64; 2], near: usize, far: usize) {
-        let Start { padded, s_focus, .. } = *start;
-        let ray = Ray::new(&padded.codes, s_focus, lens, ray_start);
-        ray.traverse(
-            near,
-            far,
-            #[inline(always)]
-            |cell, from, to| {
-                for (layer, bits) in start.depths_at(cell).iter().enumerate() {
-                    if any_bin(bits, from >> 8, (to - 1) >> 8) {
-                        let offset = cell[1] * padded.padding.stride as i32 + cell[0];
-                        let [bx, by] = ray.base_from(cell);
-                        let (from, to, layer_number) = (from as u16, to as u16, layer as u32);
-                        let number = self.traced.len() as u32;
-                        self.traced.push(Traced {
-                            segment: Segment { offset, from, to, layer: layer_number, number },
-                            query: padded.patches.query(cell, layer, from, to),
-                            ray: CellRay { ax: ray.slope[0] as f32, bx, ay: ray.slope[1] as f32, by },
-                        });
-                    }
-                }
-            },
-        );
-    }
 }
 
 /// The data of a layer that the sweep reads.
@@ -424,7 +238,7 @@ unsafe fn sweep_tile_of_groups<L: Lanes>(
     };
     let colors = firsts.iter().zip(&*out).map(|(first, out)| planes(*first, out.planes.len()));
     let colors: Vec<Vec<[*const f32; Group::MOST]>> = colors.collect();
-    let mut hits = std::mem::take(&mut segments.hits);
+    let mut hits = Vec::new();
     for (x, part_y) in parts() {
         let place = (origin.0 + padded.padding.pad + x, origin.1 + padded.padding.pad + part_y);
         segments.cull(&padded.patches, place);
@@ -463,7 +277,6 @@ unsafe fn sweep_tile_of_groups<L: Lanes>(
             }
         }
     }
-    segments.hits = hits;
 }
 
 /// Pixels that were swept together.
