@@ -573,4 +573,7 @@ _SAID = {
     "dofsim.photo reads": "`dofsim photo` reads",
     "dofsim.photo turns": "`dofsim photo` turns",
     "dofsim.devices()": "`dofsim devices`",
+    "guide and kinds are for method=": "--channels is for --method ",
+    "with guide or kinds, which": "with --channels, which",
+    "and channels with guide or kinds have no colour": "and --channels have no colour",
 }

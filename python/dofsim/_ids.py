@@ -193,10 +193,10 @@ def _total(guide: NDArray[Any], alpha: str | None, coverage: NDArray[np.float32]
     picture = np.asarray(guide)
     channels = picture.shape[2] if picture.ndim == 3 else 1
     if alpha == "none" or not (channels == 4 or (alpha is not None and channels == 2)):
-        return coverage.sum(axis=-1)
+        total: NDArray[np.float32] = coverage.sum(axis=-1)
+        return total
     whole = np.iinfo(picture.dtype).max if np.issubdtype(picture.dtype, np.integer) else 1
-    total: NDArray[np.float32] = np.asarray(picture[..., -1] / whole, np.float32)
-    return total
+    return (picture[..., -1] / whole).astype(np.float32)
 
 
 def _reach(radii_px: NDArray[np.float32]) -> float:
