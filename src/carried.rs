@@ -4,10 +4,8 @@
 //! highlights drawn. Every carried channel is then the same linear map of its own values, so that it depends on no other
 //! channel, and the result of a sum is the sum of the results.
 
-use crate::memory::Buffer;
-use crate::picture::Size;
+use crate::picture::{ChannelGroup, Size, Weighting};
 use rayon::prelude::*;
-use std::ops::Range;
 use std::sync::Arc;
 
 /// What a carried channel holds.
@@ -40,62 +38,30 @@ impl ChannelKind {
     }
 }
 
-/// How the values of a channel are put together from those of its pixels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Weighting {
-    /// As light: mixed pixels are taken apart so that both parts add up to them, and the blur of drawing at fractions of
-    /// a pixel is undone. Some weights are negative.
-    Light,
-    /// As a mean: no weight is negative.
-    Mean,
-}
-
-/// Up to four channels that are rendered together. None of them knows of another one.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Group {
-    /// The frame, with the channels of this group.
-    pub size: Size,
-    /// How their values are put together.
-    pub weighting: Weighting,
-    /// One plane for each channel.
-    pub planes: Arc<Buffer<f32>>,
-}
-
-impl Group {
-    /// The most channels of a group.
-    pub const MOST: usize = 4;
-
-    /// The values of a pixel; zero for channels that the group does not have.
-    pub fn at(&self, index: usize) -> [f32; 4] {
-        let n = self.size.pixels();
-        std::array::from_fn(|c| if c < self.size.channels { self.planes[c * n + index] } else { 0.0 })
-    }
-}
-
-/// The values of data where the picture does not cover its pixel wholly, as they were given.
-#[derive(Debug, Default, PartialEq)]
-pub struct Uncovered {
-    /// The pixels, in order.
-    pub pixels: Vec<usize>,
-    /// For each channel of data, one value for each of the pixels.
-    pub values: Vec<Vec<f32>>,
+/// One channel of the output.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Channel {
+    /// What it holds.
+    pub kind: ChannelKind,
+    /// Its place in the output.
+    pub place: usize,
+    /// The rendered channel by which it is divided, if its values have been multiplied by weights.
+    pub weight: Option<usize>,
 }
 
 /// All channels that a picture carries, in the order in which they are rendered: light, mattes, data and normals, and
-/// last the coverage by which data are weighted, if the picture has any.
+/// last the weights of data.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Carried {
-    /// The channels themselves.
-    pub groups: Arc<Vec<Group>>,
-    /// The kind of each of them, and its place in the output. The coverage that weights data is not among them.
-    channels: Vec<(ChannelKind, usize)>,
-    /// Whether data are multiplied by coverage, which is then the last channel.
-    weighted: bool,
-    uncovered: Arc<Uncovered>,
+    /// The channels themselves, and the weights.
+    pub groups: Arc<Vec<ChannelGroup>>,
+    channels: Vec<Channel>,
+    /// For each channel of data, the pixels whose weight is not 1, in order, with their values as they were given.
+    given: Arc<Vec<Vec<(u32, f32)>>>,
 }
 
 impl Carried {
-    /// The order in which channels of these kinds are rendered.
+    /// The order in which channels of these kinds are rendered, with their places in the output.
     pub fn order(kinds: &[ChannelKind]) -> Vec<(ChannelKind, usize)> {
         let mut channels: Vec<_> = kinds.iter().copied().zip(0..).collect();
         channels.sort();
@@ -103,31 +69,21 @@ impl Carried {
     }
 
     /// The sizes and the weightings of the groups into which channels in this order fall.
-    pub fn groups_of(
-        size: Size,
-        channels: &[(ChannelKind, usize)],
-        weighted: bool,
-    ) -> Vec<(Size, Weighting)> {
-        let mut all: Vec<Weighting> = channels.iter().map(|(kind, _)| kind.weighting()).collect();
-        all.extend(weighted.then_some(Weighting::Mean));
-        let alike = all.chunk_by(|a, b| a == b).flat_map(|alike| alike.chunks(Group::MOST));
+    pub fn groups_of(size: Size, channels: &[(ChannelKind, usize)]) -> Vec<(Size, Weighting)> {
+        let all: Vec<Weighting> = channels.iter().map(|(kind, _)| kind.weighting()).collect();
+        let alike = all.chunk_by(|a, b| a == b).flat_map(|alike| alike.chunks(ChannelGroup::MOST));
         alike.map(|group| (Size { channels: group.len(), ..size }, group[0])).collect()
     }
 
-    /// These groups of channels, as [`Carried::groups_of`] gives their sizes. Data are multiplied by coverage if they
-    /// are `weighted`.
-    pub fn new(
-        groups: Vec<Group>,
-        channels: Vec<(ChannelKind, usize)>,
-        weighted: bool,
-        uncovered: Uncovered,
-    ) -> Carried {
-        Carried { groups: Arc::new(groups), channels, weighted, uncovered: Arc::new(uncovered) }
+    /// Channels in their order, in groups of the sizes that [`Carried::groups_of`] gives, followed by groups of weights.
+    /// `given` has, for each channel of data, the pixels whose weight is not 1.
+    pub fn new(groups: Vec<ChannelGroup>, channels: Vec<Channel>, given: Vec<Vec<(u32, f32)>>) -> Carried {
+        Carried { groups: Arc::new(groups), channels, given: Arc::new(given) }
     }
 
     /// Number of channels that are rendered.
     pub fn rendered(&self) -> usize {
-        self.channels.len() + usize::from(self.weighted)
+        self.groups.iter().map(|group| group.size.channels).sum()
     }
 
     /// Number of channels of the output.
@@ -137,14 +93,7 @@ impl Carried {
 
     /// Number of channels that hold light; they are the first.
     pub fn lights(&self) -> usize {
-        self.channels.iter().take_while(|(kind, _)| *kind == ChannelKind::Light).count()
-    }
-
-    /// The channels that hold data.
-    fn data(&self) -> Range<usize> {
-        let is_data = |(kind, _): &(ChannelKind, usize)| kind.weighting() == Weighting::Mean;
-        let first = self.channels.iter().position(is_data).unwrap_or(self.channels.len());
-        first..self.channels.len()
+        self.channels.iter().take_while(|channel| channel.kind == ChannelKind::Light).count()
     }
 
     /// Puts rendered channels, interleaved, in the order of the output, and divides data by their weight. `own` says that
@@ -152,56 +101,54 @@ impl Carried {
     pub fn finish(&self, rendered: &[f32], own: bool, out: &mut [f32]) {
         const PIXELS: usize = 1 << 12;
         let (channels, outputs) = (self.rendered(), self.outputs());
-        let planes: Vec<(&[f32], usize)> = self
-            .groups
-            .iter()
-            .flat_map(|group| (0..group.size.channels).map(|c| (&group.planes[..], c * group.size.pixels())))
-            .collect();
-        let data = self.data();
+        let planes = self.groups.iter().flat_map(|group| group.planes.chunks_exact(group.size.pixels()));
+        let planes: Vec<&[f32]> = planes.collect();
+        let data = self.channels.partition_point(|channel| channel.kind.weighting() == Weighting::Light);
         let parts = out.par_chunks_mut(PIXELS * outputs).zip(rendered.par_chunks(PIXELS * channels));
         parts.enumerate().for_each(|(part, (out, rendered))| {
-            for (i, (out, pixel)) in
-                out.chunks_exact_mut(outputs).zip(rendered.chunks_exact(channels)).enumerate()
-            {
-                let index = part * PIXELS + i;
-                for (&(_, place), v) in self.channels[..data.start].iter().zip(pixel) {
-                    out[place] = *v;
+            let pixels = out.chunks_exact_mut(outputs).zip(rendered.chunks_exact(channels));
+            for (index, (out, pixel)) in (part * PIXELS..).zip(pixels) {
+                for (channel, v) in self.channels[..data].iter().zip(pixel) {
+                    out[channel.place] = *v;
                 }
-                let is_own = |c: usize| own && planes[c].0[planes[c].1 + index] == pixel[c];
-                let weight_is_own = !self.weighted || is_own(channels - 1);
-                let mut c = data.start;
-                while c < data.end {
-                    let (kind, _) = self.channels[c];
-                    let together = if kind == ChannelKind::Normal { 3 } else { 1 };
-                    let all = c..c + together;
-                    if weight_is_own && all.clone().all(is_own) {
-                        all.clone().for_each(|c| out[self.channels[c].1] = self.given(c, index, pixel[c]));
-                    } else {
-                        let weight = if self.weighted { pixel[channels - 1] } else { 1.0 };
-                        let square: f32 = pixel[all.clone()].iter().map(|v| v * v).sum();
-                        let divisor = if kind == ChannelKind::Normal { square.sqrt() } else { weight };
-                        for c in all.clone() {
-                            out[self.channels[c].1] = if divisor > 0.0 { pixel[c] / divisor } else { 0.0 };
+                let is_own = |c: usize| own && planes[c][index] == pixel[c];
+                let mut c = data;
+                while c < outputs {
+                    let together =
+                        if self.channels[c].kind == ChannelKind::Normal { c..c + 3 } else { c..c + 1 };
+                    c = together.end;
+                    let stayed = |c: usize| is_own(c) && self.channels[c].weight.is_none_or(is_own);
+                    if together.clone().all(stayed) {
+                        for c in together {
+                            out[self.channels[c].place] = self.given(c - data, index, pixel[c]);
                         }
+                        continue;
                     }
-                    c = all.end;
+                    let square: f32 = pixel[together.clone()].iter().map(|v| v * v).sum();
+                    for channel in together {
+                        let Channel { kind, place, weight } = self.channels[channel];
+                        let divisor = match kind {
+                            ChannelKind::Normal => square.sqrt(),
+                            _ => weight.map_or(1.0, |weight| pixel[weight]),
+                        };
+                        out[place] = if divisor > 0.0 { pixel[channel] / divisor } else { 0.0 };
+                    }
                 }
             }
         });
     }
 
-    /// The value of channel `c` as it was given, where it is rendered as `rendered` from its pixel alone.
-    fn given(&self, c: usize, index: usize, rendered: f32) -> f32 {
-        match self.uncovered.pixels.binary_search(&index) {
-            Ok(i) => self.uncovered.values[c - self.data().start][i],
-            Err(_) => rendered,
-        }
+    /// The value of a channel of data as it was given, where it is rendered as `rendered` from its pixel alone.
+    fn given(&self, data: usize, index: usize, rendered: f32) -> f32 {
+        let given = &self.given[data];
+        given.binary_search_by_key(&index, |(pixel, _)| *pixel as usize).map_or(rendered, |i| given[i].1)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::memory::Buffer;
     use ChannelKind::{Data, Light, Matte, Normal};
 
     #[test]
@@ -210,22 +157,24 @@ mod tests {
         let channels = Carried::order(&[Data, Light, Matte, Light, Light, Light, Normal, Normal, Normal]);
         assert_eq!(channels[..2], [(Light, 1), (Light, 3)]);
         assert_eq!(channels[5..], [(Data, 0), (Normal, 6), (Normal, 7), (Normal, 8)]);
-        let groups = Carried::groups_of(size, &channels, true);
+        let groups = Carried::groups_of(size, &channels);
         let sizes: Vec<_> = groups.iter().map(|(size, weighting)| (size.channels, *weighting)).collect();
-        use Weighting::Mean;
-        assert_eq!(sizes, [(4, Weighting::Light), (1, Weighting::Light), (4, Mean), (1, Mean)]);
+        assert_eq!(sizes, [(4, Weighting::Light), (1, Weighting::Light), (4, Weighting::Mean)]);
     }
 
     #[test]
     fn data_are_divided_by_their_weight_and_an_own_pixel_comes_back_as_it_was() {
-        let size = Size { width: 2, height: 1, channels: 2 };
-        let planes = Arc::new([0.7f32 * 0.3, 0.0, 0.3, 0.0].into_iter().collect::<Buffer<f32>>());
-        let groups = vec![Group { size, weighting: Weighting::Mean, planes }];
-        let uncovered = Uncovered { pixels: vec![0, 1], values: vec![vec![0.7, 9.0]] };
-        let carried = Carried::new(groups, Carried::order(&[Data]), true, uncovered);
+        let size = Size { width: 2, height: 1, channels: 1 };
+        let group = |values: [f32; 2]| {
+            let planes = Arc::new(values.into_iter().collect::<Buffer<f32>>());
+            ChannelGroup { size, weighting: Weighting::Mean, planes }
+        };
+        let groups = vec![group([0.7 * 0.3, 0.0]), group([0.3, 0.0])];
+        let channels = vec![Channel { kind: Data, place: 0, weight: Some(1) }];
+        let carried = Carried::new(groups, channels, vec![vec![(0, 0.7), (1, f32::INFINITY)]]);
         let mut out = [0.0; 2];
         carried.finish(&[0.7 * 0.3, 0.3, 0.0, 0.0], true, &mut out);
-        assert_eq!(out, [0.7, 9.0]);
+        assert_eq!(out, [0.7, f32::INFINITY]);
         carried.finish(&[1.0, 0.5, 0.0, 0.0], false, &mut out);
         assert_eq!(out, [2.0, 0.0]);
     }

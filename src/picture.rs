@@ -1,6 +1,5 @@
 //! The input of a render: validated colour and disparity, planar, in `f32`.
 
-use crate::carried::Group;
 use crate::memory::Buffer;
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
@@ -85,6 +84,38 @@ pub struct KnownCoverage {
     pub trust: f32,
 }
 
+/// How the values of a channel are put together from those of its pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Weighting {
+    /// As light: mixed pixels are taken apart so that both parts add up to them, and the blur of drawing at fractions of
+    /// a pixel is undone. Some weights are negative.
+    Light,
+    /// As a mean: no weight is negative.
+    Mean,
+}
+
+/// Up to four channels that are rendered together. None of them knows of another one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ChannelGroup {
+    /// The frame, with the channels of this group.
+    pub size: Size,
+    /// How their values are put together.
+    pub weighting: Weighting,
+    /// One plane for each channel.
+    pub planes: Arc<Buffer<f32>>,
+}
+
+impl ChannelGroup {
+    /// The most channels of a group.
+    pub const MOST: usize = 4;
+
+    /// The values of a pixel; zero for channels that the group does not have.
+    pub fn at(&self, index: usize) -> [f32; 4] {
+        let n = self.size.pixels();
+        std::array::from_fn(|c| if c < self.size.channels { self.planes[c * n + index] } else { 0.0 })
+    }
+}
+
 /// Colour and disparity in layers of one size, front to back.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture {
@@ -96,7 +127,7 @@ pub struct Picture {
     /// rows.
     pub edges: Arc<Vec<KnownCoverage>>,
     /// Channels that a picture of one layer carries.
-    pub carried: Arc<Vec<Group>>,
+    pub carried: Arc<Vec<ChannelGroup>>,
 }
 
 impl Picture {

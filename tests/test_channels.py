@@ -149,6 +149,17 @@ def test_what_is_not_covered_has_no_weight_in_data(depth, rgba):
     assert np.all(known | (rgba[..., 3] == 0))
 
 
+def test_what_is_infinite_has_no_weight_and_stays_where_it_is_in_focus(depth, guide):
+    far = np.where(depth < -0.9, np.inf, 3.0).astype(np.float32)
+    far[0, 0] = np.nan
+    out = render(np.dstack([far, far]), depth, guide, kinds="data")
+    seen = np.isfinite(out) & (out != 0)
+    np.testing.assert_allclose(out[seen], 3.0, rtol=1e-5)
+    # A pixel behind an edge sees some of what is finite.
+    assert np.any(seen[..., 0] & ~np.isfinite(far))
+    np.testing.assert_array_equal(render(far, depth, guide, kinds="data", through=lens(0.0)), far)
+
+
 def test_normals_come_back_with_unit_length(channels, depth, guide):
     normals = channels[..., :3] / np.linalg.norm(channels[..., :3], axis=-1, keepdims=True)
     out = render(normals, depth, guide, kinds="normal")
@@ -222,7 +233,7 @@ REFUSED = [
     ({"color": np.ones((8, 8, 0), np.float32)}, "color must have shape"),
     ({"color": np.ones((2, 8, 8, 4), np.float32)}, "color must have shape"),
     ({"color": np.ones((8, 8, 5), np.uint8)}, "color must have dtype float16, float32 or float64"),
-    ({"color": NAN}, "color must be finite in every channel; got NaN in channel 0 at row 0, column 0"),
+    ({"color": NAN}, "color must be finite where it is light .*; got NaN in channel 0 at row 0, column 0"),
     ({"kinds": "beauty"}, 'kinds must be one of "light", "matte", "data", "normal"; got "beauty"'),
     ({"kinds": ["light"] * 4}, "kinds must name one kind, or one for each of 5 channels; got 4"),
     ({"kinds": 3}, "kinds must be a kind, or a sequence"),

@@ -132,7 +132,8 @@ KINDS = {
     "ViewLayer.Normal.X": "normal", "ViewLayer.Normal.Y": "normal", "ViewLayer.Normal.Z": "normal",
     "ViewLayer.Depth.Z": "data", "ViewLayer.Vector.W": "data", "ViewLayer.UV.U": "data",
     "ViewLayer.IndexOB.X": "data", "ViewLayer.DiffCol.R": "light", "P.Z": "data", "P.X": "data",
-    "P.Y": "data",     "crypto_material00.red": "id", "CryptoAsset02.G": "id", "CryptoAsset.G": "light", "matte1.R": "matte",
+    "P.Y": "data",
+    "crypto_material00.red": "id", "CryptoAsset02.G": "id", "CryptoAsset.G": "light", "matte1.R": "matte",
     "motionvector.R": "data", "emission.R": "light",
 }  # fmt: skip
 
@@ -200,6 +201,6 @@ def test_files_that_have_no_channels_are_refused(passes, capsys):
     line = fails(capsys, 2, "render", "u.exr", "-o", "o.exr", *LENS_OPTIONS, "--channels", "*")
     assert "id holds whole numbers, of which there is no mean; leave it out with --kind id=none" in line
     far = np.full(SIZE, 4.0, np.float32)
-    io.write_exr("i.exr", {**{name: np.ones(SIZE) for name in "RGB"}, "Z": far, "P.X": far * np.inf})
+    io.write_exr("i.exr", {**{name: np.ones(SIZE) for name in "RGB"}, "Z": far, "glow.R": far * np.inf})
     line = fails(capsys, 2, "render", "i.exr", "-o", "o.exr", *LENS_OPTIONS, "-q", "--channels", "*")
-    assert "P.X has inf at row 0, column 0, where the picture is not transparent" in line
+    assert "glow.R has inf at row 0, column 0; say what it is, as with --kind glow.R=data" in line

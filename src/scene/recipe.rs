@@ -1,6 +1,6 @@
 //! How the values of a cell are made of those of pixels: what the colours of a picture decide, for channels that it carries.
 
-use crate::carried::{Group, Weighting};
+use crate::picture::{ChannelGroup, Weighting};
 use crate::rows::mix;
 
 /// Where the pure colour of a surface is taken from.
@@ -63,7 +63,7 @@ pub fn toward(strength: f32, v: f32, end: f32) -> f32 {
 /// Channels that are filled by the weights of the colours.
 #[derive(Clone, Copy)]
 pub struct Cargo<'a> {
-    pub groups: &'a [Group],
+    pub groups: &'a [ChannelGroup],
     /// The values of both surfaces of the mixed pixels; see [`of_mixed`](super::carried::of_mixed).
     pub mixed: &'a [[[f32; 4]; 2]],
 }

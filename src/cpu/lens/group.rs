@@ -1,11 +1,20 @@
 //! Channels that are rendered together: those of a picture, or some of those that it carries.
 
-use super::Input;
-use crate::carried::Weighting;
-use crate::picture::Size;
+use crate::picture::{ChannelGroup, Picture, Size, Weighting};
 use crate::plan::lens::highlights::{Highlight, Highlights};
 use crate::scene::colors::{CellColor, Colors};
 use crate::scene::highlights::light_channels;
+use crate::scene::layered::LayeredScene;
+
+/// The input of a render.
+pub struct Input<'a> {
+    /// The picture.
+    pub picture: &'a Picture,
+    /// The layered scene made from it.
+    pub scene: &'a LayeredScene,
+    /// The output averages this many pixels along each axis, so correspondingly fewer samples are enough.
+    pub supersample: usize,
+}
 
 /// How the blur of drawing cells at fractions of a pixel is undone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,7 +73,7 @@ impl<'a> Group<'a> {
     /// found.
     pub fn carried(input: &Input<'a>, highlights: &Highlights) -> Vec<Group<'a>> {
         let Input { picture, scene, .. } = *input;
-        let group = |(g, group): (usize, &'a crate::carried::Group)| {
+        let group = |(g, group): (usize, &'a ChannelGroup)| {
             let layers = scene.layers.iter().map(|layer| &layer.carried[g]);
             let planes = vec![&group.planes[..]];
             let plain = Group {

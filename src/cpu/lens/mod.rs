@@ -22,7 +22,7 @@ use crate::cancel::Cancel;
 use crate::cpu::tiles::split;
 use crate::error::Result;
 use crate::optics::Optics;
-use crate::picture::{Picture, Size};
+use crate::picture::Size;
 use crate::plan::lens::disc::Surface;
 use crate::plan::lens::highlights::Highlights;
 use crate::plan::lens::kernels::Kernels;
@@ -32,8 +32,9 @@ use crate::plan::lens::{Plan, Settings};
 use crate::rows::{ITEMS_PER_TASK, interleave, interleave_among, with_channels};
 use crate::scene::colors::Colors;
 use crate::scene::grid::TILE;
-use crate::scene::layered::LayeredScene;
 use crate::simd::Simd;
+pub use group::Input;
+
 use group::Group;
 use highlights::HighlightPass;
 use in_focus::Composite;
@@ -45,16 +46,6 @@ use tile_color::TileColor;
 
 /// Tiles that a worker takes at a time: more than elsewhere, because it allocates scratch memory each time.
 const TILES_PER_TASK: usize = 4 * ITEMS_PER_TASK;
-
-/// The input of a render.
-pub struct Input<'a> {
-    /// The picture.
-    pub picture: &'a Picture,
-    /// The layered scene made from it.
-    pub scene: &'a LayeredScene,
-    /// The output averages this many pixels along each axis, so correspondingly fewer samples are enough.
-    pub supersample: usize,
-}
 
 /// Renders the picture through a lens, interleaved, into `out`; or, if it carries channels, these in its place.
 pub fn render(

@@ -10,7 +10,7 @@ use super::padded::Padded;
 use super::padded_layer::{PaddedLayer, PartialPlanes};
 use super::segments::{ROWS, Segment, Segments};
 use super::tile_color::TileColor;
-use crate::carried::Group;
+use crate::picture::ChannelGroup;
 use crate::plan::lens::Missed;
 use crate::rows::with_channels;
 use crate::scene::grid::TILE;
@@ -79,6 +79,17 @@ impl<const C: usize> Planes<'_, C> {
     }
 }
 
+/// What samples have met of pixels that are swept together.
+struct Swept<const C: usize> {
+    sums: [[[f32; MOST]; C]; ROWS],
+    /// How many samples have met nothing.
+    missed: [[u16; MOST]; ROWS],
+}
+
+impl<const C: usize> Swept<C> {
+    const NOTHING: Swept<C> = Swept { sums: [[[0.0; MOST]; C]; ROWS], missed: [[0; MOST]; ROWS] };
+}
+
 /// Sweeps `CELLS` x `ROWS` pixels and adds up every sample. The first pixel is at `at_tile` in the tile and at `base`
 /// in the padded frame. `hit` is told what the samples have met that are not in [`Segments::met`].
 ///
@@ -93,8 +104,7 @@ unsafe fn sweep_rows<L: Lanes, const C: usize>(
     segments: &Segments,
     at_tile: (usize, usize),
     base: usize,
-    sums: &mut [[[f32; MOST]; C]; ROWS],
-    missed: &mut [[u16; MOST]; ROWS],
+    Swept { sums, missed }: &mut Swept<C>,
     mut hit: impl FnMut(&Segment, [L::Mask; ROWS]),
 ) {
     // SAFETY: per the function's contract.
@@ -173,7 +183,7 @@ unsafe fn sweep_rows<L: Lanes, const C: usize>(
 /// As for [`sweep_rows`].
 #[inline(always)]
 unsafe fn add_hits<L: Lanes, const C: usize>(
-    color: &[[*const f32; Group::MOST]],
+    color: &[[*const f32; ChannelGroup::MOST]],
     stride: usize,
     (met, hits): (&[Segment], &[Hit]),
     base: usize,
@@ -237,7 +247,7 @@ unsafe fn sweep_tile_of_groups<L: Lanes>(
         padded.layers.iter().map(of).collect()
     };
     let colors = firsts.iter().zip(&*out).map(|(first, out)| planes(*first, out.planes.len()));
-    let colors: Vec<Vec<[*const f32; Group::MOST]>> = colors.collect();
+    let colors: Vec<Vec<[*const f32; ChannelGroup::MOST]>> = colors.collect();
     let mut hits = Vec::new();
     for (x, part_y) in parts() {
         let place = (origin.0 + padded.padding.pad + x, origin.1 + padded.padding.pad + part_y);
@@ -246,7 +256,7 @@ unsafe fn sweep_tile_of_groups<L: Lanes>(
         let rows = (part_y..part_y + PART.1).step_by(ROWS);
         for (x, y) in rows.flat_map(|y| columns().map(move |x| (x, y))) {
             let base = padded.padding.index(origin.0 + x, origin.1 + y);
-            let mut missed = [[0u16; MOST]; ROWS];
+            let mut swept = Swept::<0>::NOTHING;
             hits.clear();
             // SAFETY: per the function's contract.
             unsafe {
@@ -254,24 +264,15 @@ unsafe fn sweep_tile_of_groups<L: Lanes>(
                     let Segment { layer, offset, .. } = *segment;
                     hits.push(Hit { layer, offset, cells: cells.map(|cells| L::bits(cells)) });
                 };
-                sweep_rows::<L, 0>(
-                    &layers,
-                    stride,
-                    segments,
-                    (x, y),
-                    base,
-                    &mut [[]; ROWS],
-                    &mut missed,
-                    hit,
-                );
+                sweep_rows::<L, 0>(&layers, stride, segments, (x, y), base, &mut swept, hit);
             }
+            let pixels = Pixels::new(segments, &swept.missed, missed_rule, (x, y), L::CELLS);
             for ((out, color), first) in out.iter_mut().zip(&colors).zip(&firsts) {
                 with_channels!(out.planes.len(), C => {
                     let mut sums = [[[0.0; MOST]; C]; ROWS];
                     // SAFETY: per the function's contract.
                     unsafe { add_hits::<L, C>(color, stride, (&segments.met, &hits), base, &mut sums) };
                     let own = std::array::from_fn(|c| &padded.layers[0].color[first + c][base..]);
-                    let pixels = Pixels { segments, missed: &missed, missed_rule, at: (x, y), cells: L::CELLS };
                     pixels.divide(&sums, own, stride, out);
                 });
             }
@@ -280,17 +281,36 @@ unsafe fn sweep_tile_of_groups<L: Lanes>(
 }
 
 /// Pixels that were swept together.
-struct Pixels<'a> {
-    segments: &'a Segments,
-    /// How many samples of each have met nothing, and what that means.
-    missed: &'a [[u16; MOST]; ROWS],
-    missed_rule: Missed,
+struct Pixels {
+    /// The number of samples by which the sums of each are divided.
+    met: [[f32; MOST]; ROWS],
     /// The first of them in the tile, and how many there are in a row.
     at: (usize, usize),
     cells: usize,
 }
 
-impl Pixels<'_> {
+impl Pixels {
+    #[inline(always)]
+    fn new(
+        segments: &Segments,
+        missed: &[[u16; MOST]; ROWS],
+        missed_rule: Missed,
+        at: (usize, usize),
+        cells: usize,
+    ) -> Pixels {
+        let mut met = [[0.0; MOST]; ROWS];
+        for row in 0..ROWS {
+            for lane in 0..cells {
+                let samples = segments.seen_from(at.0 + lane, at.1 + row) as f32;
+                met[row][lane] = match missed_rule {
+                    Missed::Nothing => samples,
+                    Missed::Unknown => samples - f32::from(missed[row][lane]),
+                };
+            }
+        }
+        Pixels { met, at, cells }
+    }
+
     /// Divides sums by the number of samples. If no sample met a cell, a pixel keeps the colour of its `own` cell.
     #[inline(always)]
     fn divide<const C: usize>(
@@ -300,15 +320,10 @@ impl Pixels<'_> {
         stride: usize,
         out: &mut TileColor,
     ) {
-        let (x, y) = self.at;
         for row in 0..ROWS {
             for lane in 0..self.cells {
-                let samples = self.segments.seen_from(x + lane, y + row) as f32;
-                let met = match self.missed_rule {
-                    Missed::Nothing => samples,
-                    Missed::Unknown => samples - f32::from(self.missed[row][lane]),
-                };
-                let at = (y + row) * TILE.0 + x + lane;
+                let met = self.met[row][lane];
+                let at = (self.at.1 + row) * TILE.0 + self.at.0 + lane;
                 for c in 0..C {
                     out.planes[c][at] =
                         if met > 0.0 { sums[row][c][lane] / met } else { own[c][row * stride + lane] };
@@ -340,24 +355,14 @@ unsafe fn sweep_tile<L: Lanes, const C: usize>(
         let rows = (part_y..part_y + PART.1).step_by(ROWS);
         for (x, y) in rows.flat_map(|y| columns().map(move |x| (x, y))) {
             let base = padded.padding.index(origin.0 + x, origin.1 + y);
-            let mut sums = [[[0.0; MOST]; C]; ROWS];
-            let mut missed = [[0u16; MOST]; ROWS];
+            let mut swept = Swept::<C>::NOTHING;
             // SAFETY: per the function's contract.
             unsafe {
-                sweep_rows::<L, C>(
-                    &layers,
-                    stride,
-                    segments,
-                    (x, y),
-                    base,
-                    &mut sums,
-                    &mut missed,
-                    |_, _| {},
-                );
+                sweep_rows::<L, C>(&layers, stride, segments, (x, y), base, &mut swept, |_, _| {});
             }
             let own = std::array::from_fn(|c| &padded.layers[0].color[c][base..]);
-            let pixels = Pixels { segments, missed: &missed, missed_rule, at: (x, y), cells: L::CELLS };
-            pixels.divide(&sums, own, stride, out);
+            let pixels = Pixels::new(segments, &swept.missed, missed_rule, (x, y), L::CELLS);
+            pixels.divide(&swept.sums, own, stride, out);
         }
     }
 }
