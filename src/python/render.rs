@@ -29,8 +29,8 @@ use std::time::Instant;
 /// kinds : str or sequence of str, optional
 ///     What the channels are, one word for all or one for each: ``"light"`` (default), ``"matte"`` (coverage and masks: as
 ///     light, but not darkened by `vignetting` of the lens), ``"data"`` (numbers such as positions, depths or motion: a mean
-///     of what is seen, weighted by the guide's coverage if it has any) or ``"normal"`` (data of three channels in a row
-///     that are brought to unit length). Without `guide`, up to 4 channels are their own.
+///     of what is seen, weighted by the guide's coverage if it has any, in which what is infinite or NaN has no weight) or
+///     ``"normal"`` (data of three channels in a row that are brought to unit length). Without `guide`, up to 4 channels are their own.
 /// method : {"lens", "poisson", "gaussian", "hexagonal", "levels", "taps", "sprites"}, optional
 ///     How to compute; see the notes. All but ``"lens"`` take one layer and are for speed or for their own looks.
 /// device : str, optional

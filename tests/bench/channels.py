@@ -1,7 +1,7 @@
 """What a further channel with a guide costs, in parts of the first three, and in memory.
 
-The picture is that of `pictures.py`, with edges everywhere. Numbers of channels are measured in turn, so that all
-of them see the same machine, and the best of each is taken.
+The picture is that of `pictures.py`, with edges everywhere. Numbers of channels are measured in turn, so
+that all of them see the same machine, and the best of each is taken.
 """
 
 import argparse
@@ -52,8 +52,8 @@ def main() -> None:
         plain = best_of(arguments.runs, lambda lens=lens: dofsim.render(color, depth, lens, device="cpu"))
         shares = [(times[count] - times[3]) / (count - 3) / times[3] for count in COUNTS[1:]]
         print(
-            f"{radius:>4} px: the picture {plain:.2f} s, three channels {times[3]:.2f} s, 23 {times[23]:.2f} s; "
-            f"each further one of {', '.join(map(str, COUNTS[1:]))}: "
+            f"{radius:>4} px: the picture {plain:.2f} s, three channels {times[3]:.2f} s, "
+            f"23 {times[23]:.2f} s; each further one of {', '.join(map(str, COUNTS[1:]))}: "
             f"{', '.join(f'{100 * share:.0f} %' for share in shares)}"
         )
     few, many = peak_bytes(3), peak_bytes(23)
