@@ -128,17 +128,19 @@ def test_the_weights_of_every_pixel_add_up_to_one(depth, guide):
     np.testing.assert_allclose(out, 1.0, rtol=2e-5)
 
 
+@pytest.mark.parametrize("strength_px", [1.5, 9.0])
 @pytest.mark.parametrize("covered", [False, True])
-def test_means_of_data_stay_within_the_range_of_the_values(channels, depth, guide, rgba, covered):
-    given = channels[..., 8:13]
-    out = render(given, depth, rgba if covered else guide, kinds="data")
+def test_means_of_data_stay_within_the_range_of_the_values(depth, guide, rgba, covered, strength_px):
+    # Values of two kinds, so that the least weight below 0 goes beyond them.
+    given = np.random.default_rng(5).integers(0, 2, (*SIZE, 5)).astype(np.float32)
+    out = render(given, depth, rgba if covered else guide, kinds="data", through=lens(strength_px))
     seen = rgba[..., 3] > 0 if covered else np.ones(SIZE, bool)
     low, high = given[seen].min(axis=0), given[seen].max(axis=0)
     slack = 1e-5 * (high - low)
     inside = (out >= low - slack) & (out <= high + slack)
     # Where nothing is covered as far as the lens sees, nothing is known; where it is in focus, values stay.
-    nothing = render(rgba[..., 3], depth, rgba, kinds="matte") <= 1e-6 if covered else np.zeros(SIZE, bool)
-    assert np.all(inside | nothing[..., None])
+    alpha = render(rgba[..., 3], depth, rgba, kinds="matte", through=lens(strength_px))
+    assert np.all(inside | (covered & (alpha <= 1e-6))[..., None])
 
 
 def test_what_is_not_covered_has_no_weight_in_data(depth, rgba):

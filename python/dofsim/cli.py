@@ -181,6 +181,8 @@ def render_command(
     of_depth, reading = depth_options.read()
     chosen_passes = None
     if channels or kind:
+        if profile:
+            raise ValueError("--profile is of the GPU, and --channels is rendered on the CPU")
         chosen_passes = _passes_of(image, channels or ["*"], kind or [], output, dtype)
     framed = read_framed(
         image,

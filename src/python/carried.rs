@@ -220,10 +220,9 @@ fn weigh(
     let mut of_coverage = None;
     let count = planes.len();
     for (plane, &(kind, place)) in planes.into_iter().zip(order) {
-        let known = |i: usize| coverage.is_some_and(|coverage| coverage[i] <= 0.0) || plane[i].is_finite();
-        let unknown = (0..plane.len()).into_par_iter().find_first(|&i| !known(i));
+        let infinite = first_infinite(plane);
         if kind < ChannelKind::Data {
-            if let Some(i) = plane.par_iter().position_first(|v| !v.is_finite()) {
+            if let Some(i) = infinite {
                 let (row, column) = (i / width, i % width);
                 return Err(PyValueError::new_err(format!(
                     "color must be finite where it is light or a matte; got {} in channel {place} at row {row}, \
@@ -236,7 +235,9 @@ fn weigh(
         }
         let whole = |i: usize| coverage.map_or(1.0, |coverage| coverage[i]);
         let weight_of = |i: usize| if plane[i].is_finite() { whole(i) } else { 0.0 };
-        let weight = match unknown {
+        let is_covered = |i: usize| coverage.is_none_or(|coverage| coverage[i] > 0.0);
+        let is_unknown = |i: usize| !plane[i].is_finite() && is_covered(i);
+        let weight = match infinite.filter(|&first| (first..plane.len()).any(is_unknown)) {
             Some(_) => {
                 all.weights.push((0..plane.len()).map(weight_of).collect());
                 Some(all.weights.len() - 1)
@@ -261,6 +262,17 @@ fn weigh(
         all.given.push(given);
     }
     Ok(all)
+}
+
+/// The first value that is infinite or NaN.
+fn first_infinite(plane: &[f32]) -> Option<usize> {
+    const VALUES: usize = 1 << 14;
+    // The greatest magnitude as an integer, which the compiler finds in vectors.
+    let is_infinite = |values: &[f32]| {
+        values.iter().fold(0, |largest, v| v.abs().to_bits().max(largest)) >= f32::INFINITY.to_bits()
+    };
+    let part = plane.par_chunks(VALUES).position_first(is_infinite)?;
+    plane[part * VALUES..].iter().position(|v| !v.is_finite()).map(|i| part * VALUES + i)
 }
 
 /// Refuses lenses and methods that cannot be the same linear map for every channel.
