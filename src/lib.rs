@@ -2,6 +2,7 @@
 
 pub mod aperture;
 pub mod cancel;
+pub mod carried;
 pub mod clipped;
 pub mod color;
 mod cpu;

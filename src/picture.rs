@@ -84,6 +84,38 @@ pub struct KnownCoverage {
     pub trust: f32,
 }
 
+/// How the values of a channel are put together from those of its pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Weighting {
+    /// As light: mixed pixels are taken apart so that both parts add up to them, and the blur of drawing at fractions of
+    /// a pixel is undone. Some weights are negative.
+    Light,
+    /// As a mean: no weight is negative.
+    Mean,
+}
+
+/// Up to four channels that are rendered together. None of them knows of another one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ChannelGroup {
+    /// The frame, with the channels of this group.
+    pub size: Size,
+    /// How their values are put together.
+    pub weighting: Weighting,
+    /// One plane for each channel.
+    pub planes: Arc<Buffer<f32>>,
+}
+
+impl ChannelGroup {
+    /// The most channels of a group.
+    pub const MOST: usize = 4;
+
+    /// The values of a pixel; zero for channels that the group does not have.
+    pub fn at(&self, index: usize) -> [f32; 4] {
+        let n = self.size.pixels();
+        std::array::from_fn(|c| if c < self.size.channels { self.planes[c * n + index] } else { 0.0 })
+    }
+}
+
 /// Colour and disparity in layers of one size, front to back.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture {
@@ -94,10 +126,12 @@ pub struct Picture {
     /// Coverage of pixels at edges of a picture of one layer, where it is known beside their colours; in the order of
     /// rows.
     pub edges: Arc<Vec<KnownCoverage>>,
+    /// Channels that a picture of one layer carries.
+    pub carried: Arc<Vec<ChannelGroup>>,
 }
 
 impl Picture {
-    /// Only these channels.
+    /// Only these channels, and nothing that is carried.
     pub fn of_channels(&self, channels: &[usize]) -> Picture {
         let n = self.size.pixels();
         let layers = self.layers.iter().map(|layer| {
@@ -108,6 +142,7 @@ impl Picture {
             size: Size { channels: channels.len(), ..self.size },
             layers: layers.collect(),
             edges: Arc::clone(&self.edges),
+            carried: Arc::default(),
         }
     }
 
@@ -123,7 +158,12 @@ impl Picture {
             });
             Layer::new(Arc::clone(&layer.color), disparity)
         });
-        Picture { size: self.size, layers: layers.collect(), edges: Arc::clone(&self.edges) }
+        Picture {
+            size: self.size,
+            layers: layers.collect(),
+            edges: Arc::clone(&self.edges),
+            carried: Arc::clone(&self.carried),
+        }
     }
 }
 

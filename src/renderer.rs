@@ -1,6 +1,7 @@
 //! A scene on a device, and its renders. Only here does the device decide which code runs.
 
 use crate::cancel::Cancel;
+use crate::carried::Carried;
 use crate::device::Device;
 use crate::error::Result;
 use crate::method::Method;
@@ -21,9 +22,10 @@ pub struct Renderer {
 
 impl Renderer {
     /// A renderer of a picture whose width and height are multiples of `supersample`, and whose first `lights` channels
-    /// hold light.
-    pub fn new(picture: Picture, lights: usize, supersample: usize) -> Renderer {
-        Renderer { scene: Scene::new(picture, lights, supersample), cache: gpu::SceneCache::default() }
+    /// hold light. If it carries channels, these are rendered in place of its own: by the method `lens`, on the CPU.
+    pub fn new(picture: Picture, lights: usize, carried: Option<Carried>, supersample: usize) -> Renderer {
+        let scene = Scene::new(picture, lights, carried, supersample);
+        Renderer { scene, cache: gpu::SceneCache::default() }
     }
 
     /// Renders the scene through each of some lenses into one of `outs` each: interleaved, and premultiplied if there
@@ -52,7 +54,7 @@ impl Renderer {
                 gpu::render::render_each(adapter, &job, all)?
             }
         };
-        if scene.lights < scene.picture.size.channels {
+        if scene.carried.is_none() && scene.lights < scene.picture.size.channels {
             outs.iter_mut().for_each(|out| bound_coverage(out, scene.picture.size.channels));
         }
         Ok(passes)

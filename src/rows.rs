@@ -92,6 +92,19 @@ pub fn interleave<const C: usize, P: Index<usize, Output = f32> + ?Sized>(planes
     }
 }
 
+/// Interleaves a row of some planes into one of more channels, which begins with the first of them.
+pub fn interleave_among<const C: usize, const N: usize>(
+    planes: [&[f32; N]; C],
+    channels: usize,
+    out: &mut [f32],
+) {
+    for (x, pixel) in out.chunks_mut(channels).enumerate() {
+        for c in 0..C {
+            pixel[c] = planes[c][x];
+        }
+    }
+}
+
 /// Cuts several planes into bands of `len` values; each band has its part of every plane.
 pub fn bands<'a>(planes: impl Iterator<Item = &'a mut [f32]>, len: usize) -> Vec<Vec<&'a mut [f32]>> {
     let mut bands = Vec::new();

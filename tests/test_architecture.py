@@ -11,7 +11,7 @@ SOURCE = Path(__file__).parent.parent / "src"
 STOREYS = [
     {"error", "cancel", "memory", "simd", "mirror"},
     {"picture", "rows"},
-    {"noise"},
+    {"carried", "noise"},
     {"color", "depth", "optics", "aperture", "files", "refine", "clipped", "matte"},
     {"scene"},
     {"plan", "views"},

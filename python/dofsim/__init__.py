@@ -21,6 +21,7 @@ from dofsim._dofsim import (
 from dofsim._focus import focus_pull
 
 if TYPE_CHECKING:
+    from dofsim._ids import render_ids
     from dofsim.cameras import Camera
     from dofsim.picker import FocusPicker as FocusPicker
 
@@ -43,16 +44,21 @@ __all__ = [
     "layers_from_views",
     "refine_depth",
     "render",
+    "render_ids",
     "restore_highlights",
 ]
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is slow to load when it is asked for: cameras need NumPy, the widget optional packages."""
+    """Import what is slow to load when it is asked for: some need NumPy, the widget optional packages."""
     if name == "Camera":
         from dofsim.cameras import Camera
 
         return Camera
+    if name == "render_ids":
+        from dofsim._ids import render_ids
+
+        return render_ids
     if name == "FocusPicker":
         from dofsim.picker import FocusPicker
 

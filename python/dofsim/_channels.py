@@ -125,7 +125,7 @@ def depth(channels: Sequence[Channel], name: str | None = None, layer: str | Non
     if name is not None:
         return _named(channels, name)
     beside = layer.rpartition(".")[0] if layer else ""
-    mist = [channel for channel in channels if _is_mist(channel)]
+    mist = [channel for channel in channels if is_mist(channel)]
     layers = _layers([channel for channel in channels if channel not in mist])
     for rule in _DEPTH_RULES:
         found = rule(layers)
@@ -201,11 +201,13 @@ def _layers(channels: Sequence[Channel]) -> list[_Layer]:
     return list(layers.values())
 
 
-def _depth_named(word: str) -> bool:
+def depth_named(word: str) -> bool:
+    """Tell whether a word names a depth."""
     return "depth" in word or word in _DEPTH_NAMES
 
 
-def _is_mist(channel: Channel) -> bool:
+def is_mist(channel: Channel) -> bool:
+    """Tell whether a channel is mist."""
     return "mist" in (channel.word, channel.layer.rpartition(".")[2].lower())
 
 
@@ -235,9 +237,9 @@ def _of_pbrt(layers: list[_Layer]) -> list[Channel]:
 _DEPTH_RULES: tuple[Callable[[list[_Layer]], list[Channel]], ...] = (
     lambda layers: [one.channels["z"] for one in layers if not one.name and one.has("z")],
     lambda layers: _depths_of(layers, lambda word: word in ("depth", "z")),
-    lambda layers: _depths_of(layers, _depth_named),
+    lambda layers: _depths_of(layers, depth_named),
     lambda layers: [
-        c for one in layers for word, c in one.channels.items() if word != "z" and _depth_named(word)
+        c for one in layers for word, c in one.channels.items() if word != "z" and depth_named(word)
     ],
     lambda layers: [
         one.channels["z"] for one in layers if one.has("z") and not one.has("x") and not one.has("y")
@@ -253,12 +255,12 @@ _COLOR_RULES: tuple[Callable[[_Layer], bool], ...] = (
     lambda layer: layer.word in _COLOR_LAYERS and layer.has("r", "g", "b"),
     lambda layer: (
         layer.has("r", "g", "b")
-        and not _depth_named(layer.word)
+        and not depth_named(layer.word)
         and not any(part in layer.word for part in _DATA)
     ),
-    lambda layer: layer.has("r", "g", "b") and not _depth_named(layer.word),
+    lambda layer: layer.has("r", "g", "b") and not depth_named(layer.word),
     lambda layer: not layer.name and layer.has("y"),
-    lambda layer: layer.has("y") and not layer.has("x") and not _depth_named(layer.word),
+    lambda layer: layer.has("y") and not layer.has("x") and not depth_named(layer.word),
 )
 
 

@@ -311,6 +311,26 @@ SampleType = Annotated[
         help="Samples of the output: half or float (OpenEXR), uint8 or uint16 (PNG, TIFF).",
     ),
 ]
+Channels = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--channels",
+        metavar="PATTERN",
+        help='Render these channels or layers of an OpenEXR file, "*" for all, by the picture: each comes '
+        "back in its part, under its name and in its type. May be repeated.",
+        rich_help_panel=_PICTURE,
+    ),
+]
+Kinds = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--kind",
+        metavar="NAME=KIND",
+        help="What channels or layers hold, where their names do not tell it: light, matte, data, normal, "
+        "id, or none (left out). May be repeated.",
+        rich_help_panel=_PICTURE,
+    ),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors and warnings only.")]
 Verbose = Annotated[
     bool, typer.Option("--verbose", "-v", help="Print also the lens, the method and what was read.")
@@ -553,4 +573,7 @@ _SAID = {
     "dofsim.photo reads": "`dofsim photo` reads",
     "dofsim.photo turns": "`dofsim photo` turns",
     "dofsim.devices()": "`dofsim devices`",
+    "guide and kinds are for method=": "--channels is for --method ",
+    "with guide or kinds, which": "with --channels, which",
+    "and channels with guide or kinds have no colour": "and --channels have no colour",
 }

@@ -57,6 +57,8 @@ _DepthKind: TypeAlias = Literal[
 _Device: TypeAlias = str
 _FovAxis: TypeAlias = Literal["x", "y", "diagonal", "smaller", "larger"]
 _Invalid: TypeAlias = Literal["raise", "far"]
+_ChannelKind: TypeAlias = Literal["light", "matte", "data", "normal"]
+_ChannelKinds: TypeAlias = _ChannelKind | Sequence[_ChannelKind]
 _InvalidColor: TypeAlias = Literal["raise", "fill"]
 _Picture: TypeAlias = NDArray[np.floating[Any]] | NDArray[np.integer[Any]]
 _Pictures: TypeAlias = _Picture | Sequence[_Picture]
@@ -339,6 +341,8 @@ class Scene:
         color: NDArray[np.floating[Any]] | NDArray[np.integer[Any]],
         depth: NDArray[np.floating[Any]],
         *,
+        guide: _Picture | None = None,
+        kinds: _ChannelKinds | None = None,
         device: _Device = "auto",
         depth_kind: _DepthKind = "z",
         near: float | None = None,
@@ -660,6 +664,8 @@ class ExrPart:
     @property
     def channels(self, /) -> list[str]: ...
     @property
+    def sample_types(self, /) -> list[Literal["half", "float", "uint"]]: ...
+    @property
     def data_window(self, /) -> tuple[int, int, int, int]: ...
     @property
     def display_window(self, /) -> tuple[int, int, int, int]: ...
@@ -752,6 +758,8 @@ def render(
     depth: NDArray[np.floating[Any]],
     lens: Lens,
     *,
+    guide: _Picture | None = None,
+    kinds: _ChannelKinds | None = None,
     method: Literal["lens"] = "lens",
     device: _Device = "auto",
     aperture: Aperture | None = None,
@@ -971,6 +979,7 @@ def write_exr(
     compression: str,
     attributes_of: _Path | None = None,
     corner: tuple[int, int] | None = None,
+    like: list[int] | None = None,
 ) -> None: ...
 def write_pfm(path: _Path, pixels: NDArray[Any]) -> None: ...
 def write_png(path: _Path, pixels: NDArray[Any], profile: bytes | None = None) -> None: ...

@@ -13,7 +13,7 @@ from ._dofsim import Aperture, Lens
 from ._exr import ExrFile
 from ._files import StrPath
 
-__all__ = ["WINDOWS", "Framed", "read_framed", "squeezed"]
+__all__ = ["WINDOWS", "Framed", "framed_values", "read_framed", "squeezed"]
 
 WINDOWS: tuple[io.Window, ...] = get_args(io.Window)
 # Kinds of depth along a ray, whose angle depends on the aspect of pixels.
@@ -126,8 +126,8 @@ def read_framed(
     rgbd = io.read_rgbd(color, depth, window="data", **reading)
     rgbd = replace(
         rgbd,
-        color=_framed(rgbd.color, sides, wanted * supersample),
-        depth=_framed(rgbd.depth, sides, wanted * supersample),
+        color=framed_values(rgbd.color, sides, wanted * supersample),
+        depth=framed_values(rgbd.depth, sides, wanted * supersample),
     )
     stored = None
     if min(sides) < 0:
@@ -222,7 +222,7 @@ def _sides_of_depth(
     return other.beyond(there) if alike else None
 
 
-def _framed(values: NDArray[Any], sides: Sides, margin: int) -> NDArray[Any]:
+def framed_values(values: NDArray[Any], sides: Sides, margin: int) -> NDArray[Any]:
     """Cut what is stored to the display window and a margin; what of these is not stored is mirrored."""
     left, top, right, bottom = (side - margin for side in sides)
     height, width = values.shape[:2]

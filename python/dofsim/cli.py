@@ -28,6 +28,8 @@ from ._photo_command import photo_command
 
 if TYPE_CHECKING:
     from ._frame import Framed
+    from ._passes import Passes
+    from ._report import Report
 
 log = logging.getLogger("dofsim")
 
@@ -158,6 +160,8 @@ def render_command(
     aperture_options: options.ApertureOptions,
     depth_options: options.DepthOptions,
     render_options: options.RenderOptions,
+    channels: options.Channels = None,
+    kind: options.Kinds = None,
     dtype: options.SampleType = None,
     profile: Annotated[
         bool, typer.Option("--profile", help="Print the time of each pass on the GPU.")
@@ -174,7 +178,12 @@ def render_command(
 
     _console.set_level(quiet=quiet, verbose=verbose)
     _check_output(output, [image, depth, lens_options.lens_file])
-    kind, reading = depth_options.read()
+    of_depth, reading = depth_options.read()
+    chosen_passes = None
+    if channels or kind:
+        if profile:
+            raise ValueError("--profile is of the GPU, and --channels is rendered on the CPU")
+        chosen_passes = _passes_of(image, channels or ["*"], kind or [], output, dtype)
     framed = read_framed(
         image,
         depth,
@@ -192,7 +201,7 @@ def render_command(
     finer = render_options.supersample
     grid = {"overscan": framed.overscan, "supersample": finer}
     scene_words: dict[str, Any] = {
-        **kind,
+        **of_depth,
         **grid,
         "device": render_options.device,
         "invalid": depth_options.invalid,
@@ -207,7 +216,7 @@ def render_command(
     rgbd = framed.rgbd
     _say_what_was_read(image, depth or image, framed)
     words, opening = lens_options.read(
-        framed.seen_depth(render_options.supersample), aperture_options, **kind
+        framed.seen_depth(render_options.supersample), aperture_options, **of_depth
     )
     _check_input(output, opening.get("image"))
     sample_type = _options.one_of("--dtype", dtype, io.SAMPLE_TYPES)
@@ -216,7 +225,7 @@ def render_command(
 
     method_words = render_options.method_words(opening)
     lens, aperture = squeezed(
-        _options.make_lens(words), method_words.get("aperture"), framed.pixel_aspect, kind["depth_kind"]
+        _options.make_lens(words), method_words.get("aperture"), framed.pixel_aspect, of_depth["depth_kind"]
     )
     if aperture is not None:
         method_words["aperture"] = aperture
@@ -230,6 +239,14 @@ def render_command(
     )
     _console.wake(render_options.device, verbose=verbose)
     start = time.perf_counter()
+    if chosen_passes is not None:
+        planes = chosen_passes.render(color, rgbd.depth, lens, **scene_words, **method_words)
+        planes = {name: framed.cut(plane) for name, plane in planes.items()}
+        chosen_passes.write(output, planes, framed.corner)
+        height, width = next(iter(planes.values())).shape
+        report = Report.of(rgbd.depth, lens, **of_depth, **grid, max_coc_px=render_options.max_coc_px)
+        _say_what_was_made(output, (width, height), report, time.perf_counter() - start)
+        return
     # What is not rendered yet is NaN.
     height, width = framed.seen_depth(finer).shape[-2:]
     shape = (height // finer, width // finer, *color.shape[rgbd.depth.ndim :])
@@ -251,10 +268,8 @@ def render_command(
         corner=framed.corner,
         profile=picture.profile,
     )
-    report = Report.of(rgbd.depth, lens, **kind, **grid, max_coc_px=render_options.max_coc_px)
-    log.info("%s: %d x %d, %s, %s", output, result.shape[1], result.shape[0], report, _console.taken(seconds))
-    for suspicion in report.suspicions().values():
-        log.warning("%s: %s", output, options.in_options(suspicion))
+    report = Report.of(rgbd.depth, lens, **of_depth, **grid, max_coc_px=render_options.max_coc_px)
+    _say_what_was_made(output, (result.shape[1], result.shape[0]), report, seconds)
     if profile:
         passes = dofsim.Scene(color, rgbd.depth, **scene_words).profile(lens, **method_words)
         for name, milliseconds in [*passes, ("all passes", sum(time for _, time in passes))]:
@@ -391,6 +406,27 @@ def _say_what_was_read(image: Path, depth: Path, framed: Framed) -> None:
         )
     if framed.pixel_aspect != 1.0:
         log.info("%s: its pixels are %g times as wide as high", image, framed.pixel_aspect)
+
+
+def _say_what_was_made(output: Path, size: tuple[int, int], report: Report, seconds: float) -> None:
+    """Say what was rendered, and what is suspicious about it."""
+    log.info("%s: %d x %d, %s, %s", output, *size, report, _console.taken(seconds))
+    for suspicion in report.suspicions().values():
+        log.warning("%s: %s", output, options.in_options(suspicion))
+
+
+def _passes_of(image: Path, channels: list[str], kinds: list[str], output: Path, dtype: str | None) -> Passes:
+    """Choose the channels of a file, and say what they are taken for."""
+    from . import _dofsim
+    from ._passes import Passes
+
+    if _dofsim.file_kind(image) == "exr" and output.suffix.lower() == ".exr":
+        if dtype is not None:
+            raise ValueError("--dtype: --channels gives every channel the type that it has")
+        passes = Passes.choose(image, channels, kinds)
+        log.info("%s: %s", image, passes.describe())
+        return passes
+    raise ValueError(f"--channels takes an OpenEXR file and writes one; got {image} and {output}")
 
 
 def _say_channels(image: Path, depth: Path, color: tuple[str, ...], plane: str | None) -> None:

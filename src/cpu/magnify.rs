@@ -3,17 +3,25 @@
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::picture::Size;
-use crate::plan::magnify::{Source, sources};
+use crate::plan::magnify::{Interpolation, Source, sources};
 use crate::rows::render_rows;
 
-/// An interleaved picture with every channel magnified about `centre`; the picture is mirrored at the border.
+/// What is magnified, and how.
+#[derive(Debug, Clone, Copy)]
+pub struct Magnified {
+    pub size: Size,
+    /// The pixel that stays where it is.
+    pub centre: [f64; 2],
+    pub interpolation: Interpolation,
+}
+
+/// An interleaved picture with every channel magnified about the centre; the picture is mirrored at the border.
 ///
 /// The cubic would overshoot beside a highlight. So each value is limited to the range of the four pixels around it:
 /// there is no ringing, and no negative light.
 pub fn magnify(
     picture: &[f32],
-    size: Size,
-    centre: [f64; 2],
+    &Magnified { size, centre, interpolation }: &Magnified,
     magnification_of: impl Fn(usize) -> f64,
     cancel: &Cancel,
     out: &mut [f32],
@@ -21,7 +29,8 @@ pub fn magnify(
     let channels: Vec<(Vec<Source>, Vec<Source>)> = (0..size.channels)
         .map(|c| {
             let m = magnification_of(c);
-            (sources(size.width, centre[0], m), sources(size.height, centre[1], m))
+            let along = |n: usize, centre: f64| sources(n, centre, m, interpolation);
+            (along(size.width, centre[0]), along(size.height, centre[1]))
         })
         .collect();
     render_rows(
@@ -71,7 +80,8 @@ mod tests {
             .collect();
         let mut out = vec![0.0; values.len()];
         let magnification = |c| if c == 0 { m } else { 1.0 };
-        magnify(&values, SIZE, [19.5, 14.5], magnification, &Cancel::default(), &mut out).unwrap();
+        let how = Magnified { size: SIZE, centre: [19.5, 14.5], interpolation: Interpolation::Cubic };
+        magnify(&values, &how, magnification, &Cancel::default(), &mut out).unwrap();
         out
     }
 

@@ -1,12 +1,15 @@
 //! Renders a scene through a lens on the CPU; the twin of `gpu::render`.
 
-use super::{falloff, gaussian, hexagonal, job::Job, lens, levels, magnify, poisson, resolve, sprites, taps};
+use super::magnify::{self, Magnified};
+use super::{falloff, gaussian, hexagonal, job::Job, lens, levels, poisson, resolve, sprites, taps};
 use crate::cancel::Cancel;
+use crate::carried::Carried;
 use crate::error::Result;
 use crate::memory::Buffer;
 use crate::method::Method;
 use crate::optics::{Imaging, Optics};
-use crate::picture::{Picture, channels_at};
+use crate::picture::{Picture, Size, channels_at};
+use crate::plan::magnify::Interpolation;
 use crate::scene::Scene;
 use crate::simd::Simd;
 use std::borrow::Cow;
@@ -24,36 +27,59 @@ pub struct Exposure<'a> {
 impl Exposure<'_> {
     /// Renders the picture at the size of the output, interleaved, into `out`.
     pub fn render(&self, out: &mut [f32]) -> Result<()> {
+        let Some(carried) = &self.scene.carried else { return self.resolved(out) };
+        let pixels = out.len() / carried.outputs();
+        let mut rendered = Buffer::unset(pixels * carried.rendered());
+        self.resolved(&mut rendered)?;
+        let own = self.scene.supersample == 1;
+        carried.finish(&rendered, own, out);
+        Ok(())
+    }
+
+    /// Renders the picture, or the channels that it carries in their own order, at the size of the output.
+    fn resolved(&self, out: &mut [f32]) -> Result<()> {
         if self.scene.supersample == 1 {
             return self.full(out);
         }
         let mut full = self.unset();
         self.full(&mut full)?;
-        resolve::box_average(&full, self.scene.picture.size, self.scene.supersample, out);
+        resolve::box_average(&full, self.size(), self.scene.supersample, out);
         Ok(())
+    }
+
+    /// The size of the picture, with the channels that are rendered.
+    fn size(&self) -> Size {
+        let size = self.scene.picture.size;
+        let carried = self.scene.carried.as_ref();
+        Size { channels: carried.map_or(size.channels, Carried::rendered), ..size }
     }
 
     /// Uninitialised memory for the picture at its own size.
     fn unset(&self) -> Buffer<f32> {
-        let size = self.scene.picture.size;
-        Buffer::unset(size.pixels() * size.channels)
+        Buffer::unset(self.size().pixels() * self.size().channels)
     }
 
     /// Renders the picture at its own size.
     fn full(&self, out: &mut [f32]) -> Result<()> {
         let Exposure { scene, imaging, cancel, .. } = *self;
-        let size = scene.picture.size;
+        let size = self.size();
         if imaging.is_magnified() {
             let mut blurred = self.unset();
             self.blurred(&mut blurred)?;
             let magnification = |channel| imaging.magnification_of(channel);
-            magnify::magnify(&blurred, size, imaging.surface.centre, magnification, cancel, out)?;
+            let interpolation = match scene.carried {
+                None => Interpolation::Cubic,
+                Some(_) => Interpolation::Linear,
+            };
+            let magnified = Magnified { size, centre: imaging.surface.centre, interpolation };
+            magnify::magnify(&blurred, &magnified, magnification, cancel, out)?;
         } else {
             self.blurred(out)?;
         }
         if let Some(falloff) = &imaging.falloff {
             let clip = self.method.clip_of(imaging);
-            falloff::darken(out, size, scene.lights, falloff, clip.as_ref());
+            let lights = scene.carried.as_ref().map_or(scene.lights, Carried::lights);
+            falloff::darken(out, size, lights, falloff, clip.as_ref());
         }
         Ok(())
     }

@@ -7,7 +7,7 @@ use super::shader::{Shader, shader, shared};
 use crate::error::Result;
 use crate::optics::Imaging;
 use crate::picture::Size;
-use crate::plan::magnify::{self as plan, sources};
+use crate::plan::magnify::{self as plan, Interpolation, sources};
 use std::ops::Range;
 
 pub const MAGNIFY: Shader = shader!("magnify", [], [Params, Source]);
@@ -41,7 +41,9 @@ impl Sources {
     /// The source pixels for a lens, if it changes the size of the picture.
     pub fn new(imaging: &Imaging, size: Size) -> Option<Sources> {
         let along = |n: usize, centre: f64| {
-            (0..size.channels).map(|c| sources(n, centre, imaging.magnification_of(c))).collect()
+            (0..size.channels)
+                .map(|c| sources(n, centre, imaging.magnification_of(c), Interpolation::Cubic))
+                .collect()
         };
         let [x, y] = imaging.surface.centre;
         imaging.is_magnified().then(|| Sources { columns: along(size.width, x), rows: along(size.height, y) })

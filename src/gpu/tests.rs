@@ -36,6 +36,7 @@ fn picture(width: usize, height: usize) -> Picture {
         size,
         layers: vec![Layer::new(color, (0..size.pixels()).map(value).collect())],
         edges: Arc::default(),
+        carried: Arc::default(),
     }
 }
 
@@ -45,7 +46,7 @@ fn taps() -> Method {
 
 /// A renderer of a picture, and memory for its result.
 fn renderer(width: usize, height: usize) -> (Renderer, Vec<f32>) {
-    (Renderer::new(picture(width, height), 3, 1), vec![0.0; 3 * width * height])
+    (Renderer::new(picture(width, height), 3, None, 1), vec![0.0; 3 * width * height])
 }
 
 fn render((renderer, out): &(Renderer, Vec<f32>), device: Device) -> crate::error::Result<Vec<f32>> {
@@ -85,7 +86,7 @@ fn a_device_that_was_lost_is_an_error_and_then_another_is_opened() {
 fn a_device_that_is_lost_while_it_works_is_an_error() {
     on_adapter(|| {
         let gpu = Gpu::open(0).unwrap();
-        let scene = Scene::new(picture(1500, 1000), 3, 1);
+        let scene = Scene::new(picture(1500, 1000), 3, None, 1);
         let (cache, method, cancel) = (SceneCache::default(), taps(), Cancel::default());
         let simd = Simd::PORTABLE;
         let scope = Scope { scene: &scene, cache: &cache, method: &method, simd, cancel: &cancel };

@@ -11,6 +11,15 @@ pub struct Source {
     pub weights: [f32; 4],
 }
 
+/// What is interpolated by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Interpolation {
+    /// A cubic through four values, which keeps what is sharp.
+    Cubic,
+    /// Between two values: a linear map without negative weights.
+    Linear,
+}
+
 /// Catmull-Rom's cubic through four values, at `f` between the second and the third.
 fn weights(f: f64) -> [f32; 4] {
     [
@@ -23,13 +32,18 @@ fn weights(f: f64) -> [f32; 4] {
 }
 
 /// The sources of `n` rows or columns under a magnification about `centre`.
-pub fn sources(n: usize, centre: f64, magnification: f64) -> Vec<Source> {
+pub fn sources(n: usize, centre: f64, magnification: f64, interpolation: Interpolation) -> Vec<Source> {
     (0..n)
         .map(|i| {
             let at = centre + (i as f64 - centre) / magnification;
             let first = at.floor();
             let place = |k: usize| mirrored(first as i64 + k as i64 - 1, n).0;
-            Source { places: std::array::from_fn(place), weights: weights(at - first) }
+            let f = at - first;
+            let weights = match interpolation {
+                Interpolation::Cubic => weights(f),
+                Interpolation::Linear => [0.0, (1.0 - f) as f32, f as f32, 0.0],
+            };
+            Source { places: std::array::from_fn(place), weights }
         })
         .collect()
 }

@@ -130,12 +130,13 @@ impl Contiguous<'_> {
     }
 }
 
-/// One part of an OpenEXR file: its name, its channels, its windows as (x, y, width, height), and the width of a pixel
+/// One part of an OpenEXR file: its name, its channels, the types of their samples, its windows as (x, y, width, height), and the width of a pixel
 /// over its height.
 #[pyclass(frozen, get_all, module = "dofsim._dofsim")]
 pub struct ExrPart {
     name: Option<String>,
     channels: Vec<String>,
+    sample_types: Vec<&'static str>,
     data_window: (i32, i32, usize, usize),
     display_window: (i32, i32, usize, usize),
     pixel_aspect: f32,
@@ -189,6 +190,7 @@ pub fn exr_parts(py: Python<'_>, path: PathBuf) -> PyResult<Vec<ExrPart>> {
         .map(|part| ExrPart {
             name: part.name,
             channels: part.channels,
+            sample_types: part.sample_types,
             data_window: window(part.data_window),
             display_window: window(part.display_window),
             pixel_aspect: part.pixel_aspect,
@@ -216,9 +218,10 @@ pub fn read_exr(
 type NamedChannels<'py> = Vec<(String, Contiguous<'py>)>;
 
 /// Writes parts, each a name and channels of (name, array), to an OpenEXR file; with the attributes of the OpenEXR file
-/// `attributes_of` if it is given, and beginning at `corner` of its display window, or else with windows of their own.
+/// `attributes_of` if it is given, those of its parts `like` these or else of its first, and beginning at `corner` of its
+/// display window, or else with windows of their own.
 #[pyfunction]
-#[pyo3(signature = (path, parts, *, compression, attributes_of=None, corner=None))]
+#[pyo3(signature = (path, parts, *, compression, attributes_of=None, corner=None, like=None))]
 pub fn write_exr(
     py: Python<'_>,
     path: PathBuf,
@@ -226,12 +229,14 @@ pub fn write_exr(
     compression: &str,
     attributes_of: Option<PathBuf>,
     corner: Option<(i32, i32)>,
+    like: Option<Vec<usize>>,
 ) -> PyResult<()> {
     let compression =
         openexr::compression(compression).map_err(|problem| PyValueError::new_err(problem.to_string()))?;
     let layers = parts
         .iter()
-        .map(|(name, channels)| {
+        .zip(like.into_iter().flatten().chain(std::iter::repeat(0)))
+        .map(|((name, channels), like)| {
             let Some(shape) = channels.first().map(|(_, array)| array.shape()) else {
                 return Err(PyValueError::new_err("a part without channels cannot be written"));
             };
@@ -239,12 +244,13 @@ pub fn write_exr(
                 .iter()
                 .map(|(name, array)| Ok(openexr::Channel { name: name.clone(), values: array.values()? }))
                 .collect::<PyResult<_>>()?;
-            Ok(openexr::Layer { name: name.clone(), width: shape.width, height: shape.height, channels })
+            let (name, width, height) = (name.clone(), shape.width, shape.height);
+            Ok(openexr::Layer { name, width, height, channels, like })
         })
         .collect::<PyResult<_>>()?;
     Ok(py.detach(|| {
         let attributes = attributes_of.as_deref().map(openexr::attributes).transpose()?;
-        openexr::write(&path, layers, compression, attributes.as_ref().map(|all| (all, corner)))
+        openexr::write(&path, layers, compression, attributes.as_ref().map(|all| (&all[..], corner)))
     })?)
 }
 

@@ -90,6 +90,12 @@ impl Input {
         self.depth.iter().map(|plane| &plane[..]).collect()
     }
 
+    /// The coverage of the first layer, if the colours have one.
+    pub fn coverage(&self) -> Option<&[f32]> {
+        let lights = self.format.lights(self.size) * self.size.pixels();
+        Some(&self.color[0][lights..]).filter(|coverage| !coverage.is_empty())
+    }
+
     /// The number of layers.
     pub fn layers(&self) -> usize {
         self.color.len()
@@ -121,6 +127,6 @@ impl Input {
                 Ok(Layer::new(Arc::clone(color), disparity))
             })
             .collect::<PyResult<_>>()?;
-        Ok(Picture { size, layers, edges: Arc::clone(&self.edges) })
+        Ok(Picture { size, layers, edges: Arc::clone(&self.edges), carried: Arc::default() })
     }
 }

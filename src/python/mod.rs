@@ -3,6 +3,7 @@
 mod aperture;
 mod argument;
 mod blur;
+mod carried;
 mod coc;
 mod color;
 mod depth;

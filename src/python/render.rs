@@ -21,6 +21,16 @@ use std::time::Instant;
 ///     `depth_kind` says otherwise. Infinity is background.
 /// lens : Lens
 ///     The lens.
+/// guide : ndarray, optional
+///     The picture that decides, shape (H, W) or (H, W, C) with 1 to 4 channels: what `color` is without it. `color` then
+///     holds any number of channels of any meaning, as floats, each of which goes through the lens alone, by the same
+///     weights: visibility, edges, hidden surfaces, coverage and highlights are found from the guide. `alpha`, `transfer` and
+///     `invalid_color` are about the guide. For ``method="lens"`` on the CPU, which ``device="auto"`` then stands for.
+/// kinds : str or sequence of str, optional
+///     What the channels are, one word for all or one for each: ``"light"`` (default), ``"matte"`` (coverage and masks: as
+///     light, but not darkened by `vignetting` of the lens), ``"data"`` (numbers such as positions, depths or motion: a mean
+///     of what is seen, weighted by the guide's coverage if it has any, in which what is infinite or NaN has no weight) or
+///     ``"normal"`` (data of three channels in a row that are brought to unit length). Without `guide`, up to 4 channels are their own.
 /// method : {"lens", "poisson", "gaussian", "hexagonal", "levels", "taps", "sprites"}, optional
 ///     How to compute; see the notes. All but ``"lens"`` take one layer and are for speed or for their own looks.
 /// device : str, optional
@@ -163,7 +173,7 @@ use std::time::Instant;
 /// >>> dofsim.render(color, depth, lens).shape
 /// (48, 64, 3)
 #[pyfunction]
-#[pyo3(signature = (color, depth, lens, *, method="lens", device="auto", aperture=None, depth_kind="z", near=None,
+#[pyo3(signature = (color, depth, lens, *, guide=None, kinds=None, method="lens", device="auto", aperture=None, depth_kind="z", near=None,
     far=None, depth_range=None, invalid="raise", invalid_color="raise", alpha=None, transfer=None, overscan=0, supersample=1,
     in_focus=None, max_coc_px=None, refine=false, threads=None, out=None, **options))]
 #[expect(clippy::too_many_arguments, reason = "the public function's own, keyword-only in Python")]
@@ -172,6 +182,8 @@ pub fn render<'py>(
     color: &Bound<'py, PyAny>,
     depth: &Bound<'py, PyAny>,
     lens: &PyLens,
+    guide: Option<&Bound<'py, PyAny>>,
+    kinds: Option<&Bound<'py, PyAny>>,
     method: &str,
     device: &str,
     aperture: Option<&PyAperture>,
@@ -197,6 +209,8 @@ pub fn render<'py>(
     let scene = PyScene::new(
         color,
         depth,
+        guide,
+        kinds,
         device,
         depth_kind,
         near,

@@ -2,6 +2,7 @@
 
 use super::aperture::PyAperture;
 use super::argument::{self, argument};
+use super::carried::{self, ChannelArguments, Channels};
 use super::color::ColorFormat;
 use super::depth::{DepthArguments, read_depth_arguments, read_depth_kind, read_invalid};
 use super::devices::read_device;
@@ -33,7 +34,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// ----------
 /// color, depth
 ///     As in `render`.
-/// device, depth_kind, near, far, depth_range, invalid, invalid_color, alpha, transfer, overscan, supersample, refine
+/// guide, kinds, device, depth_kind, near, far, depth_range, invalid, invalid_color, alpha, transfer, overscan, supersample, refine
 ///     As in `render`.
 ///
 /// Raises
@@ -52,6 +53,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 #[pyclass(name = "Scene", module = "dofsim", frozen)]
 pub struct PyScene {
     input: Input,
+    /// The channels in `color` that a guide leads, if it holds such; `input` has the guide.
+    channels: Option<Channels>,
     grid: OutputGrid,
     device: Device,
     kind: DepthKind,
@@ -77,13 +80,21 @@ impl PyScene {
             return Ok(renderer);
         }
         let picture = self.input.picture(self.kind, rays, self.invalid)?;
-        let renderer = Arc::new(Renderer::new(picture, self.format().lights(size), self.grid.supersample));
+        let carried = self.channels.as_ref().map(|channels| channels.carried.clone());
+        let lights = self.input.format.lights(size);
+        let renderer = Arc::new(Renderer::new(picture, lights, carried, self.grid.supersample));
         *cached() = Some((rays, Arc::clone(&renderer)));
         Ok(renderer)
     }
 
-    fn format(&self) -> &ColorFormat {
-        &self.input.format
+    /// The format and the size of what is given and rendered, and the factor by which that is brighter.
+    fn output(&self) -> (&ColorFormat, Size, f32) {
+        match &self.channels {
+            None => (&self.input.format, self.input.size, self.input.brighter),
+            Some(Channels { carried, format }) => {
+                (format, Size { channels: carried.outputs(), ..self.input.size }, 1.0)
+            }
+        }
     }
 
     /// Renders the scene through lenses that differ only in their focus, and returns an array and the GPU passes. The
@@ -99,18 +110,21 @@ impl PyScene {
     ) -> PyResult<(Bound<'py, PyAny>, Vec<PassTime>)> {
         let size = self.input.size;
         for lens in lenses {
-            method.check(lens, self.input.layers(), self.format().lights(size))?;
+            if self.channels.is_some() {
+                carried::check(method, lens)?;
+            }
+            method.check(lens, self.input.layers(), self.input.format.lights(size))?;
         }
         let geometry = self.grid.geometry(size);
         let imaging = |lens| Ok(Imaging { max_radius: *max_radius, ..geometry.imaging(lens)? });
         let imagings: Vec<Imaging> = lenses.iter().map(imaging).collect::<crate::error::Result<_>>()?;
         let renderer = self.renderer(&lenses[0])?;
         let (simd, device) = (simd()?, self.device);
-        let rendered = self.grid.resolved(size);
+        let (format, size, brighter) = self.output();
         let output = Output {
-            format: self.format(),
-            rendered,
-            brighter: self.input.brighter,
+            format,
+            rendered: self.grid.resolved(size),
+            brighter,
             margin: self.grid.overscan,
             stacked,
         };
@@ -135,12 +149,14 @@ impl PyScene {
 #[pymethods]
 impl PyScene {
     #[new]
-    #[pyo3(signature = (color, depth, *, device="auto", depth_kind="z", near=None, far=None, depth_range=None, invalid="raise",
+    #[pyo3(signature = (color, depth, *, guide=None, kinds=None, device="auto", depth_kind="z", near=None, far=None, depth_range=None, invalid="raise",
         invalid_color="raise", alpha=None, transfer=None, overscan=0, supersample=1, refine=false))]
     #[expect(clippy::too_many_arguments, reason = "the public constructor's own, keyword-only in Python")]
-    pub fn new(
-        color: &Bound<'_, PyAny>,
-        depth: &Bound<'_, PyAny>,
+    pub fn new<'py>(
+        color: &Bound<'py, PyAny>,
+        depth: &Bound<'py, PyAny>,
+        guide: Option<&Bound<'py, PyAny>>,
+        kinds: Option<&Bound<'py, PyAny>>,
         device: &str,
         depth_kind: &str,
         #[pyo3(from_py_with = argument::near)] near: Option<f64>,
@@ -154,14 +170,28 @@ impl PyScene {
         #[pyo3(from_py_with = argument::supersample)] supersample: usize,
         refine: bool,
     ) -> PyResult<PyScene> {
-        let device = read_device(color.py(), device)?;
+        let channels = ChannelArguments { guide, kinds };
+        let device = channels.device(device, || read_device(color.py(), device))?;
         let kind = read_depth_arguments(&DepthArguments { depth_kind, near, far, depth_range })?;
         let invalid = read_invalid(invalid)?;
         let refining = refine.then_some(Refining { kind, invalid, threads: None });
-        let input = Input::read(color, depth, alpha, transfer, read_invalid_color(invalid_color)?, refining)?;
+        let invalid_color = read_invalid_color(invalid_color)?;
+        let read =
+            |color: &Bound<'py, PyAny>| Input::read(color, depth, alpha, transfer, invalid_color, refining);
+        let input = channels.picture(color, read)?;
+        let channels = channels.read(color, &input)?;
         let grid = OutputGrid::new(input.size, overscan, supersample)?;
         let depth_arguments = (depth_kind.to_owned(), near, far, depth_range);
-        Ok(PyScene { input, grid, device, kind, depth_arguments, invalid, renderer: Mutex::new(None) })
+        Ok(PyScene {
+            input,
+            channels,
+            grid,
+            device,
+            kind,
+            depth_arguments,
+            invalid,
+            renderer: Mutex::new(None),
+        })
     }
 
     /// Number of pixels whose colour was NaN or infinite and was filled, as ``invalid_color="fill"`` asks for.
@@ -327,7 +357,7 @@ impl PyScene {
     }
 
     fn __repr__(&self) -> String {
-        let Size { width, height, channels } = self.input.size;
+        let Size { width, height, channels } = self.output().1;
         format!("<dofsim.Scene of {height} x {width} pixels, {channels} channels>")
     }
 }

@@ -158,6 +158,13 @@ impl Bright {
     pub fn with(&self, part: f32) -> CellColor {
         CellColor { index: self.index, color: std::array::from_fn(|c| self.dim[c] + part * self.excess[c]) }
     }
+
+    /// The part of its light that outshines the surroundings, over all of the `lights` first channels.
+    pub fn outshining(&self, lights: usize) -> f32 {
+        let excess: f32 = self.excess[..lights].iter().sum();
+        let light: f32 = (0..lights).map(|c| (self.dim[c] + self.excess[c]).max(0.0)).sum();
+        (excess / light.max(f32::MIN_POSITIVE)).min(1.0)
+    }
 }
 
 /// Finds the highlights of each layer.

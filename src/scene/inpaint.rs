@@ -7,6 +7,7 @@
 use super::edges::{self, CONNECTED_PX, EDGE};
 use super::grid::BLOCK;
 use super::matting::{FrontLayer, MixedPixel};
+use super::recipe::{Cargo, Source};
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::rows::ITEMS_PER_TASK;
@@ -31,13 +32,16 @@ pub struct Hidden {
     pub index: usize,
     pub s: f32,
     pub color: [f32; 4],
+    /// Its values in each group of carried channels.
+    pub carried: Vec<[f32; 4]>,
 }
 
 /// The surface on which the rays of all directions agree.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 struct Found {
     s: f32,
     color: [f32; 4],
+    carried: Vec<[f32; 4]>,
 }
 
 /// Where a ray left the foreground.
@@ -46,6 +50,7 @@ struct Exit {
     distance: f32,
     s: f32,
     color: [f32; 4],
+    source: Source,
 }
 
 /// A pixel on a ray.
@@ -155,9 +160,9 @@ struct Surfaces<'a> {
 }
 
 impl Surfaces<'_> {
-    /// The two surfaces of an edge pixel, if it was separated.
-    fn mixed(&self, index: usize) -> Option<&MixedPixel> {
-        self.mixed.binary_search_by_key(&index, |m| m.index).ok().map(|i| &self.mixed[i])
+    /// The number of an edge pixel that was separated, and its two surfaces.
+    fn mixed(&self, index: usize) -> Option<(usize, &MixedPixel)> {
+        self.mixed.binary_search_by_key(&index, |m| m.index).ok().map(|i| (i, &self.mixed[i]))
     }
 
     /// The pixel that a step leads to, if it is in the frame.
@@ -195,10 +200,9 @@ impl Surfaces<'_> {
                 }
                 if s[here] <= s_start - CONNECTED_PX {
                     let uncovered = step.distance <= s_start - s[here] + origin.margin_px;
-                    let exit = || Exit {
-                        distance: step.distance,
-                        s: s[here],
-                        color: self.pure_beyond(origin, here, &ray[k..]),
+                    let exit = || {
+                        let (color, source) = self.pure_beyond(origin, here, &ray[k..]);
+                        Exit { distance: step.distance, s: s[here], color, source }
                     };
                     return uncovered.then(exit);
                 }
@@ -208,15 +212,19 @@ impl Surfaces<'_> {
     }
 
     /// The colour of the first unmixed pixel beyond a silhouette, or else the background colour of the exit pixel.
-    fn pure_beyond(&self, origin: Origin, exit: usize, ray: &[Step]) -> [f32; 4] {
+    fn pure_beyond(&self, origin: Origin, exit: usize, ray: &[Step]) -> ([f32; 4], Source) {
         let FrontLayer { s, connectivity, .. } = *self.frame;
         let beyond = ray.iter().take(BEYOND_EDGE).map_while(|step| self.at(origin, step));
         let pure = beyond
             .take_while(|&q| (s[q] - s[exit]).abs() < SAME_SURFACE_PX)
             .find(|&q| connectivity[q] & EDGE == 0);
+        let of_pixel = |q: usize| (self.frame.color_at(q), Source::Pixel(q));
         match pure {
-            Some(q) => self.frame.color_at(q),
-            None => self.mixed(exit).map_or_else(|| self.frame.color_at(exit), |mixed| mixed.back),
+            Some(q) => of_pixel(q),
+            None => {
+                let mixed = self.mixed(exit);
+                mixed.map_or_else(|| of_pixel(exit), |(i, mixed)| (mixed.back, Source::Behind(i)))
+            }
         }
     }
 }
@@ -238,7 +246,7 @@ fn surface_of(exits: &[Exit]) -> Option<f32> {
 }
 
 /// The hidden surface, merged from the exits around it. The first `lights` channels of their colours hold light.
-fn merge(exits: &[Exit], lights: usize) -> Option<Found> {
+fn merge(exits: &[Exit], lights: usize, cargo: &Cargo) -> Option<Found> {
     let surface = surface_of(exits)?;
     let on_surface = |h: &&Exit| (h.s - surface).abs() < SAME_SURFACE_PX;
 
@@ -251,10 +259,10 @@ fn merge(exits: &[Exit], lights: usize) -> Option<Found> {
     }
     let (_, median, _) = all[..n].select_nth_unstable_by(n / 2, f32::total_cmp);
     let limit = 4.0 * median.max(f32::MIN_POSITIVE);
-    let kept = exits.iter().filter(on_surface).filter(|h| brightness(h) <= limit);
+    let kept = || exits.iter().filter(on_surface).filter(|h| brightness(h) <= limit);
 
     let (mut weight, mut s, mut color) = (0.0, 0.0, [0.0; 4]);
-    for h in kept {
+    for h in kept() {
         let w = 1.0 / h.distance;
         weight += w;
         s += w * h.s;
@@ -262,7 +270,14 @@ fn merge(exits: &[Exit], lights: usize) -> Option<Found> {
             *sum += w * c;
         }
     }
-    (weight > 0.0).then(|| Found { s: s / weight, color: color.map(|c| c / weight) })
+    if weight <= 0.0 {
+        return None;
+    }
+    let mut carried = cargo.nothing();
+    if !carried.is_empty() {
+        kept().for_each(|h| cargo.add(&mut carried, 1.0 / h.distance / weight, h.source));
+    }
+    Some(Found { s: s / weight, color: color.map(|c| c / weight), carried })
 }
 
 /// The search for hidden surfaces.
@@ -270,6 +285,7 @@ struct Search<'a> {
     around: Surfaces<'a>,
     /// See [`hidden`].
     hiding: &'a [f32],
+    cargo: Cargo<'a>,
     blocks: ShiftBounds,
     /// See [`ShiftBounds::farthest_uncovered`].
     farthest: Vec<Option<f32>>,
@@ -279,7 +295,7 @@ struct Search<'a> {
 }
 
 /// The result of the search behind a pixel.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 enum Answer {
     /// The pixel has not been searched.
     Unknown,
@@ -303,8 +319,8 @@ impl Search<'_> {
         // The surface behind a mixed pixel is known, unless its coverage turned out to be zero.
         let at_edge = edge_distance[index] == 0;
         match if at_edge { self.around.mixed(index) } else { None } {
-            Some(mixed) if mixed.coverage > 0.0 => None,
-            Some(mixed) => Some(mixed.s_back),
+            Some((_, mixed)) if mixed.coverage > 0.0 => None,
+            Some((_, mixed)) => Some(mixed.s_back),
             None => Some(self.hiding[index]),
         }
     }
@@ -319,7 +335,8 @@ impl Search<'_> {
         }
         let from_border = x.min(frame.size.width - 1 - x).min(y).min(frame.size.height - 1 - y);
         let origin = Origin { x, y, index, inside: from_border > self.reach, margin_px };
-        let mut exits = [Exit { distance: 0.0, s: 0.0, color: [0.0; 4] }; DIRECTIONS];
+        let none = Exit { distance: 0.0, s: 0.0, color: [0.0; 4], source: Source::Pixel(index) };
+        let mut exits = [none; DIRECTIONS];
         let mut found = 0;
         for ray in &self.rays {
             if let Some(exit) = self.around.march(origin, s_front, s_farthest, ray) {
@@ -327,7 +344,7 @@ impl Search<'_> {
                 found += 1;
             }
         }
-        merge(&exits[..found], frame.lights)
+        merge(&exits[..found], frame.lights, &self.cargo)
     }
 
     /// Searches behind the pixels of a block's grid, where a coarser grid gives no answer.
@@ -378,15 +395,16 @@ impl Grid {
             (first + across + 1, right * below),
         ];
         let corners = corners.into_iter().filter(|(_, weight)| *weight > 0.0);
-        let mut corners = corners.map(|(corner, weight)| (self.answers[corner], weight));
-        match self.answers[first] {
+        let mut corners = corners.map(|(corner, weight)| (&self.answers[corner], weight));
+        match &self.answers[first] {
             Answer::Unknown => Answer::Unknown,
             Answer::Nothing => {
                 let all = corners.all(|(answer, _)| matches!(answer, Answer::Nothing));
                 if all { Answer::Nothing } else { Answer::Unknown }
             }
             Answer::Surface(one) => {
-                let mut mean = Found { s: 0.0, color: [0.0; 4] };
+                let carried = vec![[0.0; 4]; one.carried.len()];
+                let mut mean = Found { s: 0.0, color: [0.0; 4], carried };
                 for (answer, weight) in corners {
                     let Answer::Surface(found) = answer else { return Answer::Unknown };
                     if (found.s - one.s).abs() >= SAME_SURFACE_PX {
@@ -395,6 +413,9 @@ impl Grid {
                     mean.s += weight * found.s;
                     for c in 0..4 {
                         mean.color[c] += weight * found.color[c];
+                    }
+                    for (sum, values) in mean.carried.iter_mut().zip(&found.carried) {
+                        sum.iter_mut().zip(values).for_each(|(sum, v)| *sum += weight * v);
                     }
                 }
                 Answer::Surface(mean)
@@ -409,6 +430,7 @@ pub fn hidden(
     frame: &FrontLayer,
     hiding: &[f32],
     mixed: &[MixedPixel],
+    cargo: Cargo,
     cancel: &Cancel,
 ) -> Result<Vec<Hidden>> {
     let (width, height) = (frame.size.width, frame.size.height);
@@ -428,7 +450,7 @@ pub fn hidden(
         .map(|b| blocks.farthest_uncovered(b, s_min))
         .collect();
     let across = blocks.across;
-    let search = Search { around, hiding, blocks, farthest, rays, reach };
+    let search = Search { around, hiding, cargo, blocks, farthest, rays, reach };
     let fill_block = |b: usize| {
         cancel.check()?;
         let mut filled = Vec::new();
@@ -446,8 +468,8 @@ pub fn hidden(
                     Answer::Nothing => None,
                     Answer::Surface(found) => Some(found),
                 };
-                if let Some(Found { s, color }) = found {
-                    filled.push(Hidden { index, s: s.min(s_front - BEHIND_PX), color });
+                if let Some(Found { s, color, carried }) = found {
+                    filled.push(Hidden { index, s: s.min(s_front - BEHIND_PX), color, carried });
                 }
             }
         }
@@ -475,7 +497,7 @@ mod tests {
     }
 
     fn surface(s: f32, gray: f32) -> Answer {
-        Answer::Surface(Found { s, color: [gray; 4] })
+        Answer::Surface(Found { s, color: [gray; 4], carried: Vec::new() })
     }
 
     #[test]
@@ -497,7 +519,7 @@ mod tests {
         let known = |grid: &Grid, at: (usize, usize)| !matches!(grid.at(at), Answer::Unknown);
         // In the second row and column, one grid point differs from the others.
         for other in [Answer::Unknown, Answer::Nothing, surface(5.0, 1.0)] {
-            let grid = grid(|x, y| if (x, y) == (1, 1) { other } else { surface(0.0, 1.0) });
+            let grid = grid(|x, y| if (x, y) == (1, 1) { other.clone() } else { surface(0.0, 1.0) });
             assert!([(33, 17), (37, 21), (33, 21)].iter().all(|at| !known(&grid, *at)));
             assert!([(32, 16), (36, 16), (33, 16), (41, 17)].iter().all(|at| known(&grid, *at)));
         }
@@ -525,7 +547,8 @@ mod tests {
             known: &[],
             behind: &[],
         };
-        let hidden = hidden(&frame, &s, &[], &Cancel::default()).unwrap();
+        let cargo = Cargo { groups: &[], mixed: &[] };
+        let hidden = hidden(&frame, &s, &[], cargo, &Cancel::default()).unwrap();
         let mut found = vec![None; side * side];
         hidden.iter().for_each(|h| found[h.index] = Some((h.s, h.color[0])));
         for i in (0..side * side).filter(|i| is_front(*i)) {

@@ -11,6 +11,8 @@ pub struct SceneLayer {
     pub s: Arc<Buffer<f32>>,
     /// Colour of every cell; zero where there is no cell.
     pub colors: Colors,
+    /// The values of every cell in each group of channels that the picture carries.
+    pub carried: Vec<Colors>,
     /// The cells that cover their pixel only partly, sorted by index.
     pub partial: Arc<Vec<(usize, HalfPlane)>>,
     /// Which neighbours are on one surface, however steep; see [`connectivity`](super::edges::connectivity). Empty

@@ -4,6 +4,7 @@
 //! half-plane. The layers depend on the strength of the lens (`s = k d`) but not on its focus: a focal stack shares
 //! them.
 
+use super::carried;
 use super::colors::{CellColor, Colors};
 use super::depth_bounds::DepthBounds;
 use super::depth_codes::DepthCodes;
@@ -15,10 +16,11 @@ use super::highlights::{self, Bright, HIGHLIGHT_RATIO};
 use super::inpaint::{self, Hidden, SAME_SURFACE_PX};
 use super::layer::SceneLayer;
 use super::matting::{FrontLayer, MixedPixel, Separated, unmix};
+use super::recipe::Cargo;
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::memory::Buffer;
-use crate::picture::{KnownCoverage, Layer, Picture, Size};
+use crate::picture::{Layer, Picture, Size};
 use crate::simd::Simd;
 use rayon::prelude::*;
 use std::collections::HashSet;
@@ -67,11 +69,12 @@ impl LayeredScene {
         })
     }
 
-    /// The same cells with only these channels of their colours.
+    /// The same cells with only these channels of their colours, and without carried ones.
     pub fn of_channels(&self, channels: &[usize]) -> LayeredScene {
         let of = |layer: &SceneLayer| SceneLayer {
             s: Arc::clone(&layer.s),
             colors: layer.colors.of_channels(channels),
+            carried: Vec::new(),
             partial: Arc::clone(&layer.partial),
             connectivity: Arc::clone(&layer.connectivity),
         };
@@ -87,7 +90,7 @@ impl LayeredScene {
         }
     }
 
-    /// The same cells in some rows of the frame, which begin with a block and end with one or with the frame.
+    /// The same cells, without carried channels, in some rows of the frame, which begin with a block and end with one or with the frame.
     /// Everything that was found for the whole frame stays as it is.
     pub fn rows(&self, rows: Range<usize>) -> LayeredScene {
         let width = self.size.width;
@@ -104,6 +107,7 @@ impl LayeredScene {
             SceneLayer {
                 s: Arc::new(Buffer::from(&layer.s[pixels.clone()])),
                 colors: layer.colors.rows(pixels.clone(), size),
+                carried: Vec::new(),
                 partial: Arc::new(partial),
                 connectivity: Arc::new(connectivity),
             }
@@ -129,7 +133,7 @@ impl LayeredScene {
 /// disparity.
 pub fn build(picture: &Picture, lights: usize, k: f64, simd: Simd, cancel: &Cancel) -> Result<LayeredScene> {
     match picture.layers.as_slice() {
-        [layer] => from_one_layer(picture.size, lights, layer, &picture.edges, k, simd, cancel),
+        [layer] => from_one_layer(picture, layer, lights, k, simd, cancel),
         layers => from_layers(picture.size, lights, layers, k, simd, cancel),
     }
 }
@@ -143,14 +147,14 @@ fn scaled(disparity: &[f32], k: f64) -> Buffer<f32> {
 /// Coverage, if the picture has it, is a channel that is carried along: a transparent pixel is a surface at infinity
 /// that happens to have no colour.
 fn from_one_layer(
-    size: Size,
-    lights: usize,
+    picture: &Picture,
     layer: &Layer,
-    known: &[KnownCoverage],
+    lights: usize,
     k: f64,
     simd: Simd,
     cancel: &Cancel,
 ) -> Result<LayeredScene> {
+    let (size, groups) = (picture.size, &picture.carried[..]);
     let mut s = without_noise(scaled(&layer.disparity, k), size, simd);
     let connectivity = edges::connectivity(&s, size.width, size.height);
     let colors = Colors::new(size, Arc::clone(&layer.color));
@@ -160,28 +164,34 @@ fn from_one_layer(
         color: &layer.color,
         s: &s,
         connectivity: &connectivity,
-        known,
+        known: &picture.edges,
         behind: &[],
     };
     let mixed = unmix(&frame, Separated::All, cancel)?;
+    let given = || groups.iter().map(|group| Colors::new(group.size, Arc::clone(&group.planes))).collect();
     if mixed.is_empty() {
         let front = SceneLayer {
             s: Arc::new(s),
             colors,
+            carried: given(),
             partial: Arc::default(),
             connectivity: Arc::new(connectivity),
         };
         return Ok(LayeredScene::new(size, vec![front], true, simd));
     }
     let partial = half_planes(&frame, &mixed);
-    let hidden = inpaint::hidden(&frame, &s, &mixed, cancel)?;
+    let values = carried::of_mixed(&frame, &mixed, groups);
+    let hidden = inpaint::hidden(&frame, &s, &mixed, Cargo { groups, mixed: &values }, cancel)?;
 
     let (front_colors, both) = split(&mixed, &mut s);
     let back = both.iter().map(|m| (m.index, m.s_back, m.back));
-    let back = layer_of_cells(size, back.chain(hidden.iter().map(|h| (h.index, h.s, h.color))));
+    let mut back = layer_of_cells(size, back.chain(hidden.iter().map(|h| (h.index, h.s, h.color))));
+    let of_groups = groups.iter().enumerate();
+    back.carried = of_groups.map(|(g, group)| carried::behind(group, g, &mixed, &values, &hidden)).collect();
     let front = SceneLayer {
         s: Arc::new(s),
         colors: colors.with(front_colors),
+        carried: carried::in_front(given(), &mixed, &values),
         partial: Arc::new(partial),
         connectivity: Arc::new(connectivity),
     };
@@ -250,7 +260,7 @@ fn sorted_in(layers: &mut [SceneLayer], mixed: &[MixedPixel]) -> Vec<Hidden> {
                 colors[layer].push(CellColor { index: m.index, color });
             }
         }
-        left.extend(cell.map(|(s, color)| Hidden { index: m.index, s, color }));
+        left.extend(cell.map(|(s, color)| Hidden { index: m.index, s, color, carried: Vec::new() }));
     }
     for ((layer, shifts), colors) in layers.iter_mut().zip(shifts).zip(colors) {
         (layer.s, layer.colors) = (Arc::new(shifts), layer.colors.with(colors));
@@ -266,7 +276,13 @@ fn layer_of_cells(size: Size, cells: impl Iterator<Item = (usize, f32, [f32; 4])
         CellColor { index, color }
     });
     let colors = Colors::of_cells(size, colors.collect());
-    SceneLayer { s: Arc::new(shifts), colors, partial: Arc::default(), connectivity: Arc::default() }
+    SceneLayer {
+        s: Arc::new(shifts),
+        colors,
+        carried: Vec::new(),
+        partial: Arc::default(),
+        connectivity: Arc::default(),
+    }
 }
 
 /// Half-planes of the pixels whose coverage is neither 0 nor 1.
@@ -342,6 +358,7 @@ fn from_layers(
             Ok(SceneLayer {
                 s: Arc::new(s),
                 colors,
+                carried: Vec::new(),
                 partial: Arc::new(partial),
                 connectivity: Arc::new(connectivity),
             })
@@ -430,7 +447,7 @@ fn hidden_by_all(
         known: &[],
         behind: &[],
     };
-    let found = inpaint::hidden(&frame, &last, &[], cancel)?;
+    let found = inpaint::hidden(&frame, &last, &[], Cargo { groups: &[], mixed: &[] }, cancel)?;
     let is_new = |h: &Hidden| h.color[alpha] > 0.0 && h.s <= last[h.index] - CONNECTED_PX;
     // Cells that are only partly there keep their place in front.
     let behind = |h: Hidden| Hidden { s: h.s.min(farthest(h.index, f32::MIN_POSITIVE)), ..h };
@@ -480,7 +497,7 @@ mod tests {
 
     fn built(layers: Vec<Layer>) -> LayeredScene {
         build(
-            &Picture { size: SIZE, layers, edges: Arc::default() },
+            &Picture { size: SIZE, layers, edges: Arc::default(), carried: Arc::default() },
             3,
             1.0,
             Simd::PORTABLE,

@@ -6,6 +6,7 @@
 
 use super::edges::{self, CONNECTED_PX, EDGE};
 use super::layer::SceneLayer;
+use super::recipe::{PureSource, Recipe, toward};
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::picture::{KnownCoverage, Size};
@@ -106,6 +107,7 @@ pub struct MixedPixel {
     /// Shift and colour of the surface behind.
     pub s_back: f32,
     pub back: [f32; 4],
+    pub recipe: Recipe,
 }
 
 /// A surface at a pixel: its shift, its pure colour and the variance of that, if it is known.
@@ -140,12 +142,18 @@ fn sub(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
     std::array::from_fn(|c| a[c] - b[c])
 }
 
-/// The pure colour of the surface at shift `s_surface` around a pixel. It is taken from pixels away from every edge and
-/// from what is known to be hidden, nearest rings first, weighted by `1 / r^2`.
-fn pure_color(frame: &FrontLayer, x: usize, y: usize, s_surface: f32) -> Option<([f32; 4], f32)> {
-    let mut pure = Pure::default();
+/// Visits what shows nothing but the surface at shift `s_surface` around a pixel, with its weight: pixels away from every edge,
+/// and cells that are known to be hidden, of their layer; nearest rings first, weighted by `1 / r^2`.
+pub(super) fn pure_pixels(
+    frame: &FrontLayer,
+    (x, y): (usize, usize),
+    s_surface: f32,
+    mut visit: impl FnMut(usize, Option<&SceneLayer>, f32),
+) {
+    let is_there = |s: f32| (s - s_surface).abs() < CONNECTED_PX;
+    let mut found = false;
     for ring in 1..=MAX_RING {
-        if ring > 2 && pure.weight > 0.0 {
+        if ring > 2 && found {
             break;
         }
         for dy in -ring..=ring {
@@ -153,37 +161,39 @@ fn pure_color(frame: &FrontLayer, x: usize, y: usize, s_surface: f32) -> Option<
             for dx in (-ring..=ring).step_by(step as usize) {
                 let Some(q) = frame.offset(x, y, dx, dy) else { continue };
                 let weight = 1.0 / (dx * dx + dy * dy) as f32;
-                if frame.connectivity[q] & EDGE == 0 && (frame.s[q] - s_surface).abs() < CONNECTED_PX {
-                    pure.add(frame, frame.color_at(q), weight);
+                if frame.connectivity[q] & EDGE == 0 && is_there(frame.s[q]) {
+                    visit(q, None, weight);
+                    found = true;
                 }
-                for hidden in
-                    frame.behind.iter().filter(|layer| (layer.s[q] - s_surface).abs() < CONNECTED_PX)
-                {
-                    pure.add(frame, hidden.colors.at(q), weight);
+                for layer in frame.behind.iter().filter(|layer| is_there(layer.s[q])) {
+                    visit(q, Some(layer), weight);
+                    found = true;
                 }
             }
         }
     }
+}
+
+/// The pure colour of the surface at shift `s_surface` around a pixel, and its variance.
+fn pure_color(frame: &FrontLayer, x: usize, y: usize, s_surface: f32) -> Option<([f32; 4], f32)> {
+    let mut pure = Pure::default();
+    pure_pixels(frame, (x, y), s_surface, |q, hidden, weight| {
+        let color = hidden.map_or_else(|| frame.color_at(q), |layer| layer.colors.at(q));
+        pure.add(frame, color, weight);
+    });
     pure.mean_and_variance(frame)
 }
 
-/// The colour of a structure too thin to have a pure pixel. Among the surrounding pixels with the structure's depth,
-/// it is the colour that differs most from the other surface: the structure covers that pixel most.
-fn extreme_color(
-    frame: &FrontLayer,
-    x: usize,
-    y: usize,
-    s_surface: f32,
-    other: [f32; 4],
-) -> Option<[f32; 4]> {
+/// The pixel that shows most of a structure too thin to have a pure pixel. Among the surrounding pixels with the structure's depth,
+/// it is the one whose colour differs most from the other surface: the structure covers that pixel most.
+fn extreme_pixel(frame: &FrontLayer, x: usize, y: usize, s_surface: f32, other: [f32; 4]) -> Option<usize> {
     let around = (-2..=2).flat_map(|dy| (-2..=2).map(move |dx| (dx, dy)));
     around
         .filter_map(|(dx, dy)| frame.offset(x, y, dx, dy))
         .filter(|&q| (frame.s[q] - s_surface).abs() < CONNECTED_PX)
-        .map(|q| frame.color_at(q))
-        .map(|color| (frame.norm2(sub(color, other)), color))
+        .map(|q| (frame.norm2(sub(frame.color_at(q), other)), q))
         .reduce(|best, next| if next.0 > best.0 { next } else { best })
-        .map(|(_, color)| color)
+        .map(|(_, q)| q)
 }
 
 /// Which edge pixels are separated.
@@ -207,18 +217,13 @@ impl Separated {
     }
 }
 
-/// The surfaces that a pixel mixes, given its neighbours with their shifts. Where three surfaces meet, its own one is one of
+/// The surfaces that a pixel mixes. Where three surfaces meet, its own one is one of
 /// the two, and the other is the one of which there is more around it.
-fn two_surfaces(
-    frame: &FrontLayer,
-    x: usize,
-    y: usize,
-    around: impl Iterator<Item = (i32, i32, f32)>,
-) -> [Surface; 2] {
+fn two_surfaces(frame: &FrontLayer, x: usize, y: usize) -> [Surface; 2] {
     let own = frame.s[y * frame.size.width + x];
     let (mut nearer, mut farther) = (0.0, 0.0);
     let (mut s_front, mut s_back) = (own, own);
-    for (dx, dy, s) in around {
+    for (dx, dy, s) in around(frame, x, y) {
         // A step of this size is one from surface to surface, and a larger one is no more than that.
         let step = ((s - own) / (2.0 * CONNECTED_PX)).clamp(-1.0, 1.0);
         nearer += nearness(dx, dy) * step.max(0.0);
@@ -240,11 +245,7 @@ fn nearness(dx: i32, dy: i32) -> f32 {
 /// Separates one edge pixel; `None` if no pure colour is known of either surface, or it is not to be separated.
 fn unmix_pixel(frame: &FrontLayer, separated: Separated, x: usize, y: usize) -> Option<MixedPixel> {
     let index = y * frame.size.width + x;
-    let around = || {
-        let offsets = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy)));
-        offsets.filter_map(|(dx, dy)| frame.offset(x, y, dx, dy).map(|q| (dx, dy, frame.s[q])))
-    };
-    let [front, back] = two_surfaces(frame, x, y, around());
+    let [front, back] = two_surfaces(frame, x, y);
     let (s_front, s_back) = (front.s, back.s);
     if s_front - s_back < CONNECTED_PX {
         return None;
@@ -253,11 +254,21 @@ fn unmix_pixel(frame: &FrontLayer, separated: Separated, x: usize, y: usize) -> 
     let strength = edges::strength(frame.s, frame.size.width, frame.size.height, x, y);
     let [front, back] =
         [front, back].map(|surface| surface.pure.or_else(|| pure_color(frame, x, y, surface.s)));
+    // The variance of a guessed colour is unknown; it is taken to be that of the other colour.
+    let guessed = |q: usize, variance: f32| (frame.color_at(q), variance);
+    let mut sources = [PureSource::Around; 2];
     let ((front, front_variance), (back, back_variance)) = match (front, back) {
         (Some(front), Some(back)) => (front, back),
-        // The variance of a guessed colour is unknown; it is taken to be that of the other colour.
-        (None, Some(back)) => ((extreme_color(frame, x, y, s_front, back.0)?, back.1), back),
-        (Some(front), None) => (front, (extreme_color(frame, x, y, s_back, front.0)?, front.1)),
+        (None, Some(back)) => {
+            let guess = extreme_pixel(frame, x, y, s_front, back.0)?;
+            sources[0] = PureSource::Pixel(guess as u32);
+            (guessed(guess, back.1), back)
+        }
+        (Some(front), None) => {
+            let guess = extreme_pixel(frame, x, y, s_back, front.0)?;
+            sources[1] = PureSource::Pixel(guess as u32);
+            (front, guessed(guess, front.1))
+        }
         (None, None) => return None,
     };
     let share = separated.strength(frame, front, back);
@@ -269,7 +280,7 @@ fn unmix_pixel(frame: &FrontLayer, separated: Separated, x: usize, y: usize) -> 
     // The coverage as depth alone suggests it: the [1 2 1]^2 average of "in front".
     let middle = 0.5 * (s_front + s_back);
     let (mut in_front, mut all) = (0.0, 0.0);
-    for (dx, dy, s) in around() {
+    for (dx, dy, s) in around(frame, x, y) {
         let weight = nearness(dx, dy);
         all += weight;
         in_front += if s > middle { weight } else { 0.0 };
@@ -304,7 +315,19 @@ fn unmix_pixel(frame: &FrontLayer, separated: Separated, x: usize, y: usize) -> 
             varied(own_back, s_back, back, back_variance),
         )
     };
-    Some(split.begun(index, pixel.color, frame.s[index], (s_front, s_back), strength))
+    Some(split.begun(index, pixel.color, frame.s[index], (s_front, s_back), (sources, strength)))
+}
+
+/// The shifts of a pixel and of its eight neighbours, with their offsets.
+fn around<'a>(frame: &'a FrontLayer, x: usize, y: usize) -> impl Iterator<Item = (i32, i32, f32)> + use<'a> {
+    let offsets = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy)));
+    offsets.filter_map(move |(dx, dy)| frame.offset(x, y, dx, dy).map(|q| (dx, dy, frame.s[q])))
+}
+
+/// The shifts of the two surfaces that a pixel may mix.
+pub(super) fn surfaces(frame: &FrontLayer, x: usize, y: usize) -> (f32, f32) {
+    let [front, back] = two_surfaces(frame, x, y);
+    (front.s, back.s)
 }
 
 /// How far around a pixel [`spread`] searches, half a block: one lamp on a surface makes others nearby likely.
@@ -338,6 +361,8 @@ struct Split {
     coverage: f32,
     front: [f32; 4],
     back: [f32; 4],
+    /// See [`Recipe::rest_to_front`].
+    rest_to_front: f32,
 }
 
 impl Split {
@@ -349,9 +374,9 @@ impl Split {
         color: [f32; 4],
         s: f32,
         (s_front, s_back): (f32, f32),
-        strength: f32,
+        ([front, back], strength): ([PureSource; 2], f32),
     ) -> MixedPixel {
-        let toward = |v: f32, end: f32| if strength < 1.0 { v + strength * (end - v) } else { end };
+        let toward = |v: f32, end: f32| toward(strength, v, end);
         let colored = |end: [f32; 4]| std::array::from_fn(|c| toward(color[c], end[c]));
         MixedPixel {
             index,
@@ -360,6 +385,7 @@ impl Split {
             coverage: self.coverage,
             s_back: toward(s, s_back),
             back: colored(self.back),
+            recipe: Recipe { front, back, rest_to_front: self.rest_to_front, strength },
         }
     }
 }
@@ -391,7 +417,8 @@ impl Pixel<'_> {
         let (a, b) = (coverage, 1.0 - coverage);
         let share = 1.0 / (a * a * front_variance + b * b * back_variance);
         let rest = self.rest(coverage);
-        let mut split = Split { coverage, front: self.front, back: self.back };
+        let rest_to_front = self.rest_to_front([a, b], a * front_variance * share, rest);
+        let mut split = Split { coverage, front: self.front, back: self.back, rest_to_front };
         for c in 0..4 {
             split.front[c] += a * front_variance * share * rest[c];
             split.back[c] += b * back_variance * share * rest[c];
@@ -414,6 +441,23 @@ impl Pixel<'_> {
             }
         }
         split
+    }
+}
+
+impl Pixel<'_> {
+    /// How much of the unexplained rest of a pixel goes to the surface in front, in all channels alike: as much as `wanted`,
+    /// or what comes nearest to it of what leaves no light of either surface negative. If nothing does so in all channels,
+    /// it is what lies in the middle between those that ask for the most and for the least.
+    fn rest_to_front(&self, [a, b]: [f32; 2], wanted: f32, rest: [f32; 4]) -> f32 {
+        if a <= 0.0 || b <= 0.0 {
+            return wanted;
+        }
+        let (mut least, mut most) = (0.0f32, 1.0 / a);
+        for c in (0..self.frame.lights).filter(|&c| rest[c] < 0.0 && self.color[c] >= 0.0) {
+            most = most.min(self.front[c].max(0.0) / -rest[c]);
+            least = least.max((1.0 - b * self.back[c].max(0.0) / -rest[c]) / a);
+        }
+        if least > most { 0.5 * (least + most) } else { wanted.clamp(least, most) }
     }
 }
 

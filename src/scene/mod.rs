@@ -1,10 +1,11 @@
 //! A picture and the data that are prepared from it once, for any focus and any device.
 //!
 //! In the order of the work: [`depth_noise`] takes the noise out of the depths, [`edges`] finds depth discontinuities,
-//! [`matting`] separates the two surfaces of edge pixels, [`inpaint`] fills the surfaces that the foreground hides, and
-//! [`layered`] holds the result. [`depth_spans`] and [`depth_bounds`] bound the depths that occur, and [`highlights`]
+//! [`matting`] separates the two surfaces of edge pixels, [`inpaint`] fills the surfaces that the foreground hides,
+//! [`carried`] takes other channels the same way, and [`layered`] holds the result. [`depth_spans`] and [`depth_bounds`] bound the depths that occur, and [`highlights`]
 //! finds the bright cells.
 
+pub(crate) mod carried;
 pub(crate) mod colors;
 pub(crate) mod depth_bounds;
 pub(crate) mod depth_codes;
@@ -18,8 +19,10 @@ mod inpaint;
 pub(crate) mod layer;
 pub(crate) mod layered;
 mod matting;
+mod recipe;
 
 use crate::cancel::Cancel;
+use crate::carried::Carried;
 use crate::error::{Result, value_error};
 use crate::optics::{DisparityMap, Optics};
 use crate::picture::{Picture, Size};
@@ -38,6 +41,8 @@ pub struct Scene {
     pub(crate) picture: Arc<Picture>,
     /// Number of channels that hold light; coverage is not counted.
     pub(crate) lights: usize,
+    /// The channels that the picture carries; these are then rendered in place of its own.
+    pub(crate) carried: Option<Carried>,
     /// Pixels of the picture per pixel of the output, along each axis.
     pub(crate) supersample: usize,
     /// The picture with mapped disparity, for the map last used.
@@ -48,10 +53,11 @@ pub struct Scene {
 
 impl Scene {
     /// A scene of a picture whose width and height are multiples of `supersample`, and whose first `lights` channels
-    /// hold light.
-    pub fn new(picture: Picture, lights: usize, supersample: usize) -> Scene {
+    /// hold light, with the channels that it carries.
+    pub fn new(mut picture: Picture, lights: usize, carried: Option<Carried>, supersample: usize) -> Scene {
+        picture.carried = carried.as_ref().map_or_else(Arc::default, |carried| Arc::clone(&carried.groups));
         let picture = Arc::new(picture);
-        Scene { picture, lights, supersample, mapped: Mutex::new(None), layered: Mutex::new(None) }
+        Scene { picture, lights, carried, supersample, mapped: Mutex::new(None), layered: Mutex::new(None) }
     }
 
     /// The picture with its disparity mapped: that of a plain lens.

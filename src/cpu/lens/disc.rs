@@ -163,7 +163,7 @@ fn add_weighted(sum: &mut [f32; LANES], weight: f32, values: &[f32; LANES]) {
 pub struct Gather<'a> {
     pub size: Size,
     /// Colours of the surface.
-    pub colors: &'a Colors,
+    pub colors: Colors,
     /// Shifts of the surface relative to infinity.
     pub s: &'a [f32],
     pub s_focus: f64,
@@ -181,7 +181,7 @@ impl Gather<'_> {
         match Surface::new(self.s, self.size, self.s_focus, origin) {
             Surface::Level(s) => {
                 let kernel = self.kernels.level(s);
-                around.fill(self.size, self.colors, origin, kernel.reach as usize);
+                around.fill(self.size, &self.colors, origin, kernel.reach as usize);
                 let disc = around.disc(kernel);
                 for x in strips {
                     self.simd.run(
@@ -193,7 +193,7 @@ impl Gather<'_> {
             Surface::Tilted(steps) => {
                 let kernels = steps.clone().map(|step| self.kernels.get(step * APART));
                 let reach = kernels.clone().map(|kernel| kernel.reach).max();
-                around.fill(self.size, self.colors, origin, reach.unwrap_or(0) as usize);
+                around.fill(self.size, &self.colors, origin, reach.unwrap_or(0) as usize);
                 let discs: Vec<Disc> = kernels.map(|kernel| around.disc(kernel)).collect();
                 for x in strips {
                     self.tilted_strip(around, (*steps.start(), &discs), origin, x, extent, out)?;

@@ -1,13 +1,15 @@
 //! Highlights, drawn as exact discs of which a part is visible.
 
+use super::group::Group;
 use super::padded::Padded;
 use super::shadows::{Hidden, Pixels, Shadows};
 use super::tile_color::TileColor;
 use crate::plan::lens::disc::APART;
-use crate::plan::lens::highlights::{Cluster, Highlight, Highlights};
+use crate::plan::lens::highlights::{Cluster, Highlights};
 use crate::plan::lens::kernels::Kernels;
 use crate::plan::lens::optical_vignetting::PupilClip;
 use crate::plan::lens::tiles::Tile;
+use crate::rows::with_channels;
 use crate::scene::grid::TILE;
 use crate::simd::Simd;
 
@@ -62,15 +64,19 @@ impl Differences {
         Some([columns.0 as i32..columns.1 as i32, first as i32..last as i32 + 1])
     }
 
-    /// Calls `visit(x, y, light)` for every pixel that may have light.
-    fn for_each<const C: usize>(&self, mut visit: impl FnMut(usize, usize, [f64; C])) {
+    /// Adds the part of the light that is visible from each pixel of a tile to its picture.
+    fn add_to<const C: usize>(&self, out: &mut TileColor, visible: impl Fn(usize) -> f64) {
         for (y, &(first, end)) in self.columns.iter().enumerate() {
             let mut sum = [0.0; C];
             for x in first..end {
                 for (c, sum) in sum.iter_mut().enumerate() {
                     *sum += self.values[(c * TILE.1 + y) * Self::ROW + x];
                 }
-                visit(x, y, sum);
+                let at = y * TILE.0 + x;
+                let visible = visible(at);
+                for (plane, light) in out.planes.iter_mut().zip(sum) {
+                    plane[at] += (visible * light) as f32;
+                }
             }
         }
     }
@@ -89,66 +95,73 @@ impl Default for Scratch {
 }
 
 impl HighlightPass<'_> {
-    /// Draws all highlights that reach a tile, which has the number `number`.
-    pub fn draw<const C: usize>(
+    /// Draws all highlights that reach a tile, which has the number `number`, into the picture of each group. What hides
+    /// them is found once for all.
+    pub fn draw(
         &self,
         number: usize,
         tile: &Tile,
+        groups: &[Group],
         Scratch { differences, hidden }: &mut Scratch,
-        out: &mut TileColor,
+        out: &mut [TileColor],
     ) {
         let clusters = || self.highlights.of_tile(number);
         if clusters().next().is_none() {
             return;
         }
-        let mut add = |x: usize, y: usize, light: [f64; C], visible: f64| {
-            for (plane, light) in out.planes.iter_mut().zip(light) {
-                plane[y * TILE.0 + x] += (visible * light) as f32;
+        for (group, out) in groups.iter().zip(&mut *out).filter(|(group, _)| group.lights > 0) {
+            differences.clear(group.lights);
+            for cluster in clusters().filter(|cluster| !cluster.hidden_in_part) {
+                self.add_discs(cluster, tile, group, differences);
             }
-        };
-        differences.clear(C);
-        for cluster in clusters().filter(|cluster| !cluster.hidden_in_part) {
-            self.add_discs(cluster, tile, differences);
+            with_channels!(group.lights, C => differences.add_to::<C>(out, |_| 1.0));
         }
-        differences.for_each::<C>(|x, y, light| add(x, y, light, 1.0));
         for cluster in clusters().filter(|cluster| cluster.hidden_in_part) {
-            differences.clear(C);
-            self.add_discs(cluster, tile, differences);
-            let Some(lit) = differences.lit() else { continue };
-            let middle = &self.highlights.all[cluster.middle];
-            hidden.fill(0.0);
-            let shadows = Shadows::new(cluster, middle, tile.origin, self.padded);
-            self.simd.run(
-                #[inline(always)]
-                || shadows.cast(&lit, hidden),
-            );
-            differences.for_each::<C>(|x, y, light| {
-                let visible = (1.0 - hidden[y * TILE.0 + x]).max(0.0);
-                add(x, y, light, f64::from(visible));
-            });
+            let mut is_cast = false;
+            for (group, out) in groups.iter().zip(&mut *out).filter(|(group, _)| group.lights > 0) {
+                differences.clear(group.lights);
+                self.add_discs(cluster, tile, group, differences);
+                let Some(lit) = differences.lit() else { break };
+                if !is_cast {
+                    let middle = &self.highlights.all[cluster.middle];
+                    hidden.fill(0.0);
+                    let shadows = Shadows::new(cluster, middle, tile.origin, self.padded);
+                    self.simd.run(
+                        #[inline(always)]
+                        || shadows.cast(&lit, hidden),
+                    );
+                    is_cast = true;
+                }
+                let visible = |at: usize| f64::from((1.0 - hidden[at]).max(0.0));
+                with_channels!(group.lights, C => differences.add_to::<C>(out, visible));
+            }
         }
     }
 
-    /// Adds the rows of a cluster's discs that are inside a tile.
-    fn add_discs(&self, cluster: &Cluster, tile: &Tile, differences: &mut Differences) {
-        for highlight in &self.highlights.all[cluster.members.clone()] {
+    /// Adds the rows of a cluster's discs that are inside a tile, in the channels of a group.
+    fn add_discs(&self, cluster: &Cluster, tile: &Tile, group: &Group, differences: &mut Differences) {
+        for number in cluster.members.clone() {
+            let highlight = &self.highlights.all[number];
             // Exact discs hold nothing of highlights, a sweep the part that is not drawn.
             let drawn = highlight.drawn + tile.disc_share() * (1.0 - highlight.drawn);
             for (step, share) in highlight.discs().filter(|_| drawn > 0.0) {
-                self.add_disc(highlight, step, drawn * share, tile.origin, differences);
+                let light = (number, &group.excess[number]);
+                self.add_disc(light, step, drawn * share, tile.origin, differences);
             }
         }
     }
 
-    /// Adds the rows of one disc that are inside the tile at `origin`.
+    /// Adds the rows of one disc, of the highlight of this number and with this light, that are inside the tile at
+    /// `origin`.
     fn add_disc(
         &self,
-        highlight: &Highlight,
+        (number, light): (usize, &[f32; 4]),
         step: i32,
         share: f32,
         origin: (usize, usize),
         differences: &mut Differences,
     ) {
+        let highlight = &self.highlights.all[number];
         let kernel = self.kernels.get(step * APART);
         // The highlight in the tile's coordinates. A pixel p sees it at the offset q - p of the kernel.
         let (qx, qy) = (highlight.x - origin.0 as i32, highlight.y - origin.1 as i32);
@@ -159,13 +172,13 @@ impl HighlightPass<'_> {
             let mut add = |columns: (i32, i32), weight: f32| {
                 let weight = f64::from(share) * f64::from(weight);
                 let Some(clip) = self.clip else {
-                    return differences.add(y, columns, weight, &highlight.excess);
+                    return differences.add(y, columns, weight, light);
                 };
                 for x in columns.0.max(0)..columns.1.min(TILE.0 as i32) {
                     let l = [qx - x, row.dy].map(|d| f64::from(d) / highlight.t);
                     let place = [origin.0 as f64 + f64::from(x), (origin.1 + y) as f64];
                     let seen = clip.share(place, l, highlight.t);
-                    differences.add(y, (x, x + 1), weight * seen, &highlight.excess);
+                    differences.add(y, (x, x + 1), weight * seen, light);
                 }
             };
             add((qx - row.run.1 + 1, qx - row.run.0 + 1), kernel.run_weight);

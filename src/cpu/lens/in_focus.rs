@@ -2,7 +2,7 @@
 
 use super::tile_color::TileColor;
 use crate::mirror::mirrored;
-use crate::picture::Picture;
+use crate::picture::Size;
 use crate::plan::lens::in_focus::InFocus;
 use crate::scene::grid::TILE;
 use crate::scene::layer::SceneLayer;
@@ -18,17 +18,17 @@ pub struct Composite {
 }
 
 impl Composite {
-    /// Renders the tile at `origin`.
+    /// Renders the tile at `origin` of a picture whose colours, `color`, are planes of each layer.
     pub fn tile(
         &mut self,
-        picture: &Picture,
+        (size, color): (Size, &[&[f32]]),
         layers: &[SceneLayer],
         in_focus: &InFocus,
         origin: (usize, usize),
         out: &mut TileColor,
     ) {
-        self.fill(picture, origin);
-        let (width, height) = (picture.size.width, picture.size.height);
+        self.fill(size, color, origin);
+        let (width, height) = (size.width, size.height);
         for y in 0..TILE.1.min(height - origin.1) {
             let weights = |x: usize| {
                 let pixel = (origin.1 + y) * width + origin.0 + x;
@@ -52,16 +52,16 @@ impl Composite {
     }
 
     /// Composites the layers in the tile at `origin` and around it.
-    fn fill(&mut self, picture: &Picture, origin: (usize, usize)) {
-        let (size, n) = (picture.size, picture.size.pixels());
+    fn fill(&mut self, size: Size, color: &[&[f32]], origin: (usize, usize)) {
+        let n = size.pixels();
         self.planes.resize(size.channels * AROUND.0 * AROUND.1, 0.0);
         let around = |first: usize, i: usize, extent: usize| mirrored((first + i) as i64 - 1, extent).0;
         let columns: [usize; AROUND.0] = std::array::from_fn(|x| around(origin.0, x, size.width));
         for j in 0..AROUND.1 {
             let start = around(origin.1, j, size.height) * size.width;
             let mut left = [1.0f32; AROUND.0];
-            for (i, layer) in picture.layers.iter().enumerate() {
-                let row = |c: usize| &layer.color[c * n + start..][..size.width];
+            for (i, planes) in color.iter().enumerate() {
+                let row = |c: usize| &planes[c * n + start..][..size.width];
                 for c in 0..size.channels {
                     let out = &mut self.planes[(c * AROUND.1 + j) * AROUND.0..][..AROUND.0];
                     let seen = out.iter_mut().zip(&columns).zip(&left);
@@ -71,7 +71,7 @@ impl Composite {
                         seen.for_each(|((out, &x), left)| *out += left * row(c)[x]);
                     }
                 }
-                if picture.layers.len() > 1 {
+                if color.len() > 1 {
                     let alpha = row(size.channels - 1);
                     left.iter_mut().zip(&columns).for_each(|(left, &x)| *left *= 1.0 - alpha[x]);
                 }

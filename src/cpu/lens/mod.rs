@@ -5,12 +5,14 @@
 
 mod culling;
 mod disc;
+mod group;
 mod highlights;
 mod in_focus;
 mod lanes;
 mod padded;
 mod padded_colors;
 mod padded_layer;
+mod segments;
 mod shadows;
 mod sweep;
 mod tile_color;
@@ -20,41 +22,32 @@ use crate::cancel::Cancel;
 use crate::cpu::tiles::split;
 use crate::error::Result;
 use crate::optics::Optics;
-use crate::picture::Picture;
+use crate::picture::Size;
 use crate::plan::lens::disc::Surface;
 use crate::plan::lens::highlights::Highlights;
 use crate::plan::lens::kernels::Kernels;
 use crate::plan::lens::optical_vignetting::PupilClip;
 use crate::plan::lens::tiles::{self, Work};
 use crate::plan::lens::{Plan, Settings};
-use crate::rows::{ITEMS_PER_TASK, interleave, with_channels};
-use crate::scene::colors::{CellColor, Colors};
+use crate::rows::{ITEMS_PER_TASK, interleave, interleave_among, with_channels};
+use crate::scene::colors::Colors;
 use crate::scene::grid::TILE;
-use crate::scene::highlights::light_channels;
-use crate::scene::layer::SceneLayer;
-use crate::scene::layered::LayeredScene;
 use crate::simd::Simd;
+pub use group::Input;
+
+use group::Group;
 use highlights::HighlightPass;
 use in_focus::Composite;
 use padded::Padded;
+use padded_colors::DrawnGroup;
 use rayon::prelude::*;
-use sweep::{Segments, Start};
+use segments::{Segments, Start};
 use tile_color::TileColor;
 
 /// Tiles that a worker takes at a time: more than elsewhere, because it allocates scratch memory each time.
 const TILES_PER_TASK: usize = 4 * ITEMS_PER_TASK;
 
-/// The input of a render.
-pub struct Input<'a> {
-    /// The picture.
-    pub picture: &'a Picture,
-    /// The layered scene made from it.
-    pub scene: &'a LayeredScene,
-    /// The output averages this many pixels along each axis, so correspondingly fewer samples are enough.
-    pub supersample: usize,
-}
-
-/// Renders the picture through a lens, interleaved, into `out`.
+/// Renders the picture through a lens, interleaved, into `out`; or, if it carries channels, these in its place.
 pub fn render(
     input: &Input,
     optics: &Optics,
@@ -76,20 +69,29 @@ pub fn render(
     let mut padded = Padded::new(scene, padding, bounds, reach_px, &needed, simd);
     cancel.check()?;
 
-    let with = |changes: &[Vec<CellColor>]| -> Vec<Colors> {
-        let of_layer = |(i, layer): (usize, &SceneLayer)| match changes.get(i) {
-            Some(changes) if !changes.is_empty() => layer.colors.with(changes.clone()),
-            _ => layer.colors.clone(),
-        };
-        scene.layers.iter().enumerate().map(of_layer).collect()
+    let picture_alone = picture.carried.is_empty();
+    let of_picture = Group::of_picture(input, &highlights);
+    let (guide, groups) = match picture_alone {
+        true => (None, vec![of_picture]),
+        false => (Some(of_picture), Group::carried(input, &highlights)),
     };
-    let colors = with(&highlights.dimmed);
     if !sample_sets.is_empty() {
-        let swept = highlights.swept.as_deref().map(with);
-        let drawn = scene.layers.iter().zip(swept.as_ref().unwrap_or(&colors)).map(|(layer, colors)| {
-            widen::widened(&footprint, layer, colors, size, s_focus, simd).unwrap_or_else(|| colors.clone())
-        });
-        padded.set_colors(scene, &drawn.collect::<Vec<_>>(), &footprint, s_focus, simd);
+        let drawn = |group: &Group| -> Vec<Colors> {
+            let of_layers = scene.layers.iter().zip(group.swept());
+            let widened = of_layers.map(|(layer, colors)| {
+                let widened = widen::widened(&footprint, layer, colors, group.size, s_focus, simd);
+                widened.unwrap_or_else(|| colors.clone())
+            });
+            widened.collect()
+        };
+        let guide = guide.as_ref().map(drawn);
+        let of_group = |group: &Group| DrawnGroup {
+            size: group.size,
+            colors: drawn(group),
+            sharpening: group.sharpening,
+        };
+        let drawn: Vec<DrawnGroup> = groups.iter().map(of_group).collect();
+        padded.set_colors(scene, &drawn, guide.as_deref(), &footprint, s_focus, simd);
         cancel.check()?;
     }
 
@@ -100,8 +102,16 @@ pub fn render(
     let keys = surfaces.iter().flat_map(Surface::keys).chain(highlights.keys()).collect();
     let level = surfaces.iter().filter_map(Surface::level);
     let kernels = Kernels::new(&settings.aperture, s_focus, keys, level, cancel)?;
-    let gather =
-        disc::Gather { size, colors: &colors[0], s: &front.s, s_focus, kernels: &kernels, simd, cancel };
+    let gather = |group: &'_ Group| disc::Gather {
+        size: group.size,
+        colors: group.dimmed[0].clone(),
+        s: &front.s,
+        s_focus,
+        kernels: &kernels,
+        simd,
+        cancel,
+    };
+    let gathers: Vec<disc::Gather> = groups.iter().map(gather).collect();
     let pass = HighlightPass {
         highlights: &highlights,
         padded: &padded,
@@ -110,18 +120,29 @@ pub fn render(
         simd,
     };
 
-    let mut slots = split(out, size, TILE);
+    let channels: usize = groups.iter().map(|group| group.size.channels).sum();
+    let mut slots = split(out, Size { channels, ..size }, TILE);
     slots.par_iter_mut().zip(&tiles).enumerate().with_max_len(TILES_PER_TASK).try_for_each_init(
         || {
             let sums = disc::RunningSums::default();
-            let tiles = [(); 2].map(|()| TileColor::new(size.channels));
-            (Segments::default(), sums, Composite::default(), highlights::Scratch::default(), tiles)
+            let tiles = || groups.iter().map(|group| TileColor::new(group.size.channels)).collect::<Vec<_>>();
+            let scratch = highlights::Scratch::default();
+            (Segments::default(), sums, Composite::default(), scratch, [tiles(), tiles()])
         },
         |(segments, sums, composite, discs, [color, exact]), (i, (slot, tile))| {
             cancel.check()?;
             match &tile.work {
-                Work::InFocus => composite.tile(picture, &scene.layers, &in_focus, tile.origin, color),
-                Work::Disc => gather.tile(tile.origin, sums, color)?,
+                Work::InFocus => {
+                    for (group, color) in groups.iter().zip(&mut *color) {
+                        let planes = (group.size, &group.planes[..]);
+                        composite.tile(planes, &scene.layers, &in_focus, tile.origin, color);
+                    }
+                }
+                Work::Disc => {
+                    for (gather, color) in gathers.iter().zip(&mut *color) {
+                        gather.tile(tile.origin, sums, color)?;
+                    }
+                }
                 Work::Sweep { samples, occupied, disc } => {
                     let start = Start {
                         padded: &padded,
@@ -138,14 +159,25 @@ pub fn render(
                     // SAFETY: the segments have just been traced there.
                     unsafe { sweep::sweep(simd, &padded, segments, tile.origin, missed, color) };
                     if *disc > 0.0 {
-                        gather.tile(tile.origin, sums, exact)?;
-                        color.mix(exact, *disc);
+                        for ((gather, color), exact) in gathers.iter().zip(&mut *color).zip(exact) {
+                            gather.tile(tile.origin, sums, exact)?;
+                            color.mix(exact, *disc);
+                        }
                     }
                 }
             }
-            with_channels!(light_channels(size), C => pass.draw::<C>(i, tile, discs, color));
+            pass.draw(i, tile, &groups, discs, color);
             for (y, row) in slot.rows.iter_mut().enumerate() {
-                with_channels!(size.channels, C => interleave(color.row::<C>(y), row));
+                if let [only] = &color[..] {
+                    with_channels!(channels, C => interleave(only.row::<C>(y), row));
+                    continue;
+                }
+                let mut first = 0;
+                for color in &*color {
+                    let n = color.planes.len();
+                    with_channels!(n, C => interleave_among(color.row::<C>(y), channels, &mut row[first..]));
+                    first += n;
+                }
             }
             Ok(())
         },

@@ -1,7 +1,7 @@
 //! A layered scene laid out for the sweep, with a mirrored margin. Only blocks that some sweep reads are filled.
 
 use super::culling::PatchBounds;
-use super::padded_colors::Drawn;
+use super::padded_colors::{Drawn, DrawnGroup};
 use super::padded_layer::{PaddedLayer, Present};
 use crate::plan::lens::footprint::Footprint;
 use crate::plan::lens::padded_bounds;
@@ -44,16 +44,19 @@ impl Padded {
         Padded { padding, codes: scene.codes, reach_px, layers, bounds, windows, patches }
     }
 
-    /// Lays out the colours of all layers, widened or sharpened to their footprint.
+    /// Lays out the colours of all layers in all groups of channels, widened or sharpened to their footprint. Where they are
+    /// carried by a picture, `guide` has its colours.
     pub fn set_colors(
         &mut self,
         scene: &LayeredScene,
-        colors: &[Colors],
+        groups: &[DrawnGroup],
+        guide: Option<&[Colors]>,
         footprint: &Footprint,
         s_focus: f64,
         simd: Simd,
     ) {
-        let drawn = Drawn { layers: &scene.layers, size: scene.size, colors, footprint, s_focus, simd };
+        let drawn =
+            Drawn { layers: &scene.layers, size: scene.size, groups, guide, footprint, s_focus, simd };
         for (layer, padded) in self.layers.iter_mut().enumerate() {
             padded.set_colors(&drawn, layer, &self.padding);
         }

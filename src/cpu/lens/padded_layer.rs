@@ -97,7 +97,7 @@ impl Present {
 pub struct PaddedLayer {
     pub lo: Buffer<u16>,
     pub hi: Buffer<u16>,
-    /// Colour planes; defined only where there is a cell.
+    /// Planes of the channels of all groups, one after another; defined only where there is a cell.
     pub color: Vec<Buffer<f32>>,
     pub partial: PartialPlanes,
     pub(super) present: Present,

@@ -4,201 +4,27 @@
 //! through the scene is a list of segments, near to far. Each segment says: read the cells at this offset and take
 //! those whose depth lies in this interval. This needs contiguous loads only, no z-buffer and no gather.
 
-use super::culling::{PART, PatchBounds, Query};
+use super::culling::PART;
 use super::lanes::{CellRay, HalfPlaneRow, Lanes, Portable};
 use super::padded::Padded;
 use super::padded_layer::{PaddedLayer, PartialPlanes};
+use super::segments::{ROWS, Segment, Segments};
 use super::tile_color::TileColor;
+use crate::picture::ChannelGroup;
 use crate::plan::lens::Missed;
-use crate::plan::lens::lens_samples::LensSample;
-use crate::plan::lens::optical_vignetting::{PupilClip, Seen};
-use crate::plan::lens::ray::Ray;
-use crate::scene::depth_bounds::{DepthBits, any_bin};
-use crate::scene::grid::{BLOCK, TILE};
+use crate::rows::with_channels;
+use crate::scene::grid::TILE;
 use crate::simd::{InstructionSet, Simd};
 
-/// Rows of a tile that are swept together.
-const ROWS: usize = 2;
 /// The largest number of cells of a row that any instruction set processes together.
 const MOST: usize = PART.0;
 
-/// An interval of depth over which a sample's rays stay at one offset.
-#[derive(Debug, Clone, Copy, Default)]
-struct Segment {
-    /// Offset from an output pixel to the cell, in padded cells.
-    offset: i32,
-    /// Depth codes `from .. to`.
-    from: u16,
-    to: u16,
-    layer: u32,
-    /// The segment's own number.
-    number: u32,
-}
-
-/// A segment of a ray, as traced.
+/// Cells that some of the pixels that are swept together have met: those with a bit, at one offset in one layer.
 #[derive(Debug, Clone, Copy)]
-struct Traced {
-    segment: Segment,
-    /// The query whether any cell is there.
-    query: Query,
-    ray: CellRay,
-}
-
-/// The segments of all samples over one tile.
-#[derive(Default)]
-pub struct Segments {
-    traced: Vec<Traced>,
-    /// The end of each sample's segments.
-    ends: Vec<u32>,
-    /// For each sample, the pixels of each row of the tile that see it. Empty if all pixels see all samples.
-    seen: Vec<Seen>,
-    /// For the samples for which it is known: the segment in which every ray of the current part meets its nearest
-    /// cell.
-    met: Vec<Segment>,
-    /// The segments of the other samples that could not be culled for the current part.
-    kept: Vec<Segment>,
-    /// The numbers of those samples, and the ends of their kept segments.
-    unknown: Vec<(u32, u32)>,
-}
-
-/// Runs of set bits, as `first .. end`.
-fn runs(occupied: &DepthBits) -> Vec<(usize, usize)> {
-    let mut runs: Vec<(usize, usize)> = Vec::new();
-    for bin in (0..256).filter(|bin| occupied[bin / 64] >> (bin % 64) & 1 != 0) {
-        match runs.last_mut() {
-            Some(run) if run.1 == bin => run.1 = bin + 1,
-            _ => runs.push((bin, bin + 1)),
-        }
-    }
-    runs
-}
-
-/// The tile from which rays start, and the depths and the second stop that they may meet.
-pub struct Start<'a> {
-    pub padded: &'a Padded,
-    pub s_focus: f64,
-    pub origin: (usize, usize),
-    /// The depths that occur anywhere within reach.
-    pub occupied: &'a DepthBits,
-    /// The clipping by the second stop, if there is one.
-    pub clip: Option<&'a PupilClip>,
-}
-
-impl Start<'_> {
-    /// The depths of each layer that occur in the tile when it is moved by `cell`.
-    #[inline(always)]
-    fn depths_at(&self, cell: [i32; 2]) -> &[DepthBits] {
-        let (pad, bounds) = (self.padded.padding.pad, &self.padded.bounds);
-        let block = |origin: usize, cell: i32| (origin + pad).wrapping_add_signed(cell as isize) / BLOCK;
-        let b = block(self.origin.1, cell[1]) * bounds.across + block(self.origin.0, cell[0]);
-        &self.padded.windows[b * bounds.layers..][..bounds.layers]
-    }
-}
-
-impl Segments {
-    /// The number of samples that a pixel of the tile sees.
-    fn seen_from(&self, x: usize, y: usize) -> usize {
-        if self.seen.is_empty() {
-            return self.ends.len();
-        }
-        self.seen.iter().filter(|rows| rows[y] >> x & 1 != 0).count()
-    }
-
-    /// The pixels of `ROWS` rows from `(x, y)` on that see sample number `sample`; only for tiles in which not all
-    /// see all.
-    #[inline(always)]
-    fn seen_by(&self, sample: usize, (x, y): (usize, usize)) -> [u32; ROWS] {
-        std::array::from_fn(|row| (self.seen[sample][y + row] >> x) as u32)
-    }
-
-    /// Culls the segments for the part of the tile that begins at `place` in the padded frame.
-    fn cull(&mut self, patches: &PatchBounds, place: (usize, usize)) {
-        let Segments { traced, ends, met, kept, unknown, seen } = self;
-        let entry = patches.entry(place);
-        // There is room for all segments, so keeping one only increments a counter.
-        if kept.len() < traced.len() {
-            kept.resize(traced.len(), Segment::default());
-        }
-        met.clear();
-        unknown.clear();
-        let (mut start, mut n) = (0, 0);
-        for (sample, &end) in ends.iter().enumerate() {
-            let (first, mut all) = (n, false);
-            for Traced { segment, query, .. } in &traced[start..end as usize] {
-                let occupancy = patches.occupancy(entry, query);
-                kept[n] = *segment;
-                n += usize::from(occupancy.any);
-                if occupancy.all {
-                    // All segments behind this one are hidden.
-                    all = true;
-                    break;
-                }
-            }
-            start = end as usize;
-            if all && n == first + 1 && seen.is_empty() {
-                met.push(kept[first]);
-                n = first;
-            } else {
-                unknown.push((sample as u32, n as u32));
-            }
-        }
-    }
-
-    /// Traces every sample through the depths that occur, near to far.
-    #[inline(always)]
-    pub fn trace(&mut self, start: &Start, samples: &[LensSample]) {
-        self.traced.clear();
-        self.ends.clear();
-        self.seen.clear();
-        let runs = runs(start.occupied);
-        for sample in samples {
-            if let Some(clip) = start.clip {
-                let Some(seen) = clip.pixels_seeing(sample.pupil, start.origin) else { continue };
-                self.seen.push(seen);
-            }
-            for &(first_bin, end_bin) in runs.iter().rev() {
-                let (near, far) = ((end_bin * 256).min(usize::from(u16::MAX)), (first_bin * 256).max(1));
-                if sample.in_front == sample.behind {
-                    self.trace_run(start, sample.in_front, sample.start, near, far);
-                } else {
-                    // At the focus all rays are where they started, so a ray through one lens point can continue as
-                    // another.
-                    let focus = start.padded.codes.place(start.s_focus).round();
-                    let focus = focus.clamp(far as f64, near as f64) as usize;
-                    self.trace_run(start, sample.in_front, sample.start, near, focus);
-                    self.trace_run(start, sample.behind, sample.start, focus, far);
-                }
-            }
-            self.ends.push(self.traced.len() as u32);
-        }
-    }
-
-    /// Traces a ray from `ray_start` through lens point `lens`, between two depths.
-    #[inline(always)]
-    fn trace_run(&mut self, start: &Start, lens: [f64; 2], ray_start: [f64; 2], near: usize, far: usize) {
-        let Start { padded, s_focus, .. } = *start;
-        let ray = Ray::new(&padded.codes, s_focus, lens, ray_start);
-        ray.traverse(
-            near,
-            far,
-            #[inline(always)]
-            |cell, from, to| {
-                for (layer, bits) in start.depths_at(cell).iter().enumerate() {
-                    if any_bin(bits, from >> 8, (to - 1) >> 8) {
-                        let offset = cell[1] * padded.padding.stride as i32 + cell[0];
-                        let [bx, by] = ray.base_from(cell);
-                        let (from, to, layer_number) = (from as u16, to as u16, layer as u32);
-                        let number = self.traced.len() as u32;
-                        self.traced.push(Traced {
-                            segment: Segment { offset, from, to, layer: layer_number, number },
-                            query: padded.patches.query(cell, layer, from, to),
-                            ray: CellRay { ax: ray.slope[0] as f32, bx, ay: ray.slope[1] as f32, by },
-                        });
-                    }
-                }
-            },
-        );
-    }
+struct Hit {
+    layer: u32,
+    offset: i32,
+    cells: [u32; ROWS],
 }
 
 /// The data of a layer that the sweep reads.
@@ -253,8 +79,19 @@ impl<const C: usize> Planes<'_, C> {
     }
 }
 
+/// What samples have met of pixels that are swept together.
+struct Swept<const C: usize> {
+    sums: [[[f32; MOST]; C]; ROWS],
+    /// How many samples have met nothing.
+    missed: [[u16; MOST]; ROWS],
+}
+
+impl<const C: usize> Swept<C> {
+    const NOTHING: Swept<C> = Swept { sums: [[[0.0; MOST]; C]; ROWS], missed: [[0; MOST]; ROWS] };
+}
+
 /// Sweeps `CELLS` x `ROWS` pixels and adds up every sample. The first pixel is at `at_tile` in the tile and at `base`
-/// in the padded frame.
+/// in the padded frame. `hit` is told what the samples have met that are not in [`Segments::met`].
 ///
 /// # Safety
 ///
@@ -267,8 +104,8 @@ unsafe fn sweep_rows<L: Lanes, const C: usize>(
     segments: &Segments,
     at_tile: (usize, usize),
     base: usize,
-    sums: &mut [[[f32; MOST]; C]; ROWS],
-    missed: &mut [[u16; MOST]; ROWS],
+    Swept { sums, missed }: &mut Swept<C>,
+    mut hit: impl FnMut(&Segment, [L::Mask; ROWS]),
 ) {
     // SAFETY: per the function's contract.
     unsafe {
@@ -311,6 +148,7 @@ unsafe fn sweep_rows<L: Lanes, const C: usize>(
                         hits[row] = layer.covering::<L>(hits[row], first + row * stride, ray);
                     }
                 }
+                hit(segment, hits);
                 for row in 0..ROWS {
                     for c in 0..C {
                         let color = layer.color[c].add(first + row * stride);
@@ -338,6 +176,163 @@ unsafe fn sweep_rows<L: Lanes, const C: usize>(
     }
 }
 
+/// Adds up, in other channels, what [`sweep_rows`] has met: in the same order, and so with the same bits.
+///
+/// # Safety
+///
+/// As for [`sweep_rows`].
+#[inline(always)]
+unsafe fn add_hits<L: Lanes, const C: usize>(
+    color: &[[*const f32; ChannelGroup::MOST]],
+    stride: usize,
+    (met, hits): (&[Segment], &[Hit]),
+    base: usize,
+    sums: &mut [[[f32; MOST]; C]; ROWS],
+) {
+    // SAFETY: per the function's contract.
+    unsafe {
+        let mut sum = [[L::zero(); C]; ROWS];
+        for met in met {
+            let color = color.get_unchecked(met.layer as usize);
+            let first = base.wrapping_add_signed(met.offset as isize);
+            for row in 0..ROWS {
+                for c in 0..C {
+                    L::add_all(&mut sum[row][c], color[c].add(first + row * stride));
+                }
+            }
+        }
+        for hit in hits {
+            let color = color.get_unchecked(hit.layer as usize);
+            let first = base.wrapping_add_signed(hit.offset as isize);
+            for row in 0..ROWS {
+                let cells = L::mask(hit.cells[row]);
+                for c in 0..C {
+                    L::add(&mut sum[row][c], color[c].add(first + row * stride), cells);
+                }
+            }
+        }
+        for row in 0..ROWS {
+            for c in 0..C {
+                L::store(sum[row][c], sums[row][c].as_mut_ptr());
+            }
+        }
+    }
+}
+
+/// Sweeps a whole tile for all groups of channels: what is met is found once, and then added up in every group.
+///
+/// # Safety
+///
+/// As for [`sweep_rows`].
+#[inline(always)]
+unsafe fn sweep_tile_of_groups<L: Lanes>(
+    padded: &Padded,
+    segments: &mut Segments,
+    origin: (usize, usize),
+    missed_rule: Missed,
+    out: &mut [TileColor],
+) {
+    let layers: Vec<Planes<0>> = padded.layers.iter().map(Planes::of).collect();
+    let stride = padded.padding.stride;
+    let firsts = out.iter().scan(0, |end, group| {
+        let first = *end;
+        *end += group.planes.len();
+        Some(first)
+    });
+    let firsts: Vec<usize> = firsts.collect();
+    // Channels that a group does not have are not read.
+    let planes = |first: usize, n: usize| {
+        let of =
+            move |layer: &PaddedLayer| std::array::from_fn(|c| layer.color[first + c.min(n - 1)].as_ptr());
+        padded.layers.iter().map(of).collect()
+    };
+    let colors = firsts.iter().zip(&*out).map(|(first, out)| planes(*first, out.planes.len()));
+    let colors: Vec<Vec<[*const f32; ChannelGroup::MOST]>> = colors.collect();
+    let mut hits = Vec::new();
+    for (x, part_y) in parts() {
+        let place = (origin.0 + padded.padding.pad + x, origin.1 + padded.padding.pad + part_y);
+        segments.cull(&padded.patches, place);
+        let columns = || (x..x + PART.0).step_by(L::CELLS);
+        let rows = (part_y..part_y + PART.1).step_by(ROWS);
+        for (x, y) in rows.flat_map(|y| columns().map(move |x| (x, y))) {
+            let base = padded.padding.index(origin.0 + x, origin.1 + y);
+            let mut swept = Swept::<0>::NOTHING;
+            hits.clear();
+            // SAFETY: per the function's contract.
+            unsafe {
+                let hit = |segment: &Segment, cells: [L::Mask; ROWS]| {
+                    let Segment { layer, offset, .. } = *segment;
+                    hits.push(Hit { layer, offset, cells: cells.map(|cells| L::bits(cells)) });
+                };
+                sweep_rows::<L, 0>(&layers, stride, segments, (x, y), base, &mut swept, hit);
+            }
+            let pixels = Pixels::new(segments, &swept.missed, missed_rule, (x, y), L::CELLS);
+            for ((out, color), first) in out.iter_mut().zip(&colors).zip(&firsts) {
+                with_channels!(out.planes.len(), C => {
+                    let mut sums = [[[0.0; MOST]; C]; ROWS];
+                    // SAFETY: per the function's contract.
+                    unsafe { add_hits::<L, C>(color, stride, (&segments.met, &hits), base, &mut sums) };
+                    let own = std::array::from_fn(|c| &padded.layers[0].color[first + c][base..]);
+                    pixels.divide(&sums, own, stride, out);
+                });
+            }
+        }
+    }
+}
+
+/// Pixels that were swept together.
+struct Pixels {
+    /// The number of samples by which the sums of each are divided.
+    met: [[f32; MOST]; ROWS],
+    /// The first of them in the tile, and how many there are in a row.
+    at: (usize, usize),
+    cells: usize,
+}
+
+impl Pixels {
+    #[inline(always)]
+    fn new(
+        segments: &Segments,
+        missed: &[[u16; MOST]; ROWS],
+        missed_rule: Missed,
+        at: (usize, usize),
+        cells: usize,
+    ) -> Pixels {
+        let mut met = [[0.0; MOST]; ROWS];
+        for row in 0..ROWS {
+            for lane in 0..cells {
+                let samples = segments.seen_from(at.0 + lane, at.1 + row) as f32;
+                met[row][lane] = match missed_rule {
+                    Missed::Nothing => samples,
+                    Missed::Unknown => samples - f32::from(missed[row][lane]),
+                };
+            }
+        }
+        Pixels { met, at, cells }
+    }
+
+    /// Divides sums by the number of samples. If no sample met a cell, a pixel keeps the colour of its `own` cell.
+    #[inline(always)]
+    fn divide<const C: usize>(
+        &self,
+        sums: &[[[f32; MOST]; C]; ROWS],
+        own: [&[f32]; C],
+        stride: usize,
+        out: &mut TileColor,
+    ) {
+        for row in 0..ROWS {
+            for lane in 0..self.cells {
+                let met = self.met[row][lane];
+                let at = (self.at.1 + row) * TILE.0 + self.at.0 + lane;
+                for c in 0..C {
+                    out.planes[c][at] =
+                        if met > 0.0 { sums[row][c][lane] / met } else { own[c][row * stride + lane] };
+                }
+            }
+        }
+    }
+}
+
 /// Sweeps a whole tile.
 ///
 /// # Safety
@@ -360,28 +355,14 @@ unsafe fn sweep_tile<L: Lanes, const C: usize>(
         let rows = (part_y..part_y + PART.1).step_by(ROWS);
         for (x, y) in rows.flat_map(|y| columns().map(move |x| (x, y))) {
             let base = padded.padding.index(origin.0 + x, origin.1 + y);
-            let mut sums = [[[0.0; MOST]; C]; ROWS];
-            let mut missed = [[0u16; MOST]; ROWS];
+            let mut swept = Swept::<C>::NOTHING;
             // SAFETY: per the function's contract.
-            unsafe { sweep_rows::<L, C>(&layers, stride, segments, (x, y), base, &mut sums, &mut missed) };
-            for row in 0..ROWS {
-                for lane in 0..L::CELLS {
-                    let samples = segments.seen_from(x + lane, y + row) as f32;
-                    let met = match missed_rule {
-                        Missed::Nothing => samples,
-                        Missed::Unknown => samples - f32::from(missed[row][lane]),
-                    };
-                    let at = (y + row) * TILE.0 + x + lane;
-                    for c in 0..C {
-                        // If no sample met a cell, the pixel keeps the colour of its own cell.
-                        out.planes[c][at] = if met > 0.0 {
-                            sums[row][c][lane] / met
-                        } else {
-                            padded.layers[0].color[c][base + row * stride + lane]
-                        };
-                    }
-                }
+            unsafe {
+                sweep_rows::<L, C>(&layers, stride, segments, (x, y), base, &mut swept, |_, _| {});
             }
+            let own = std::array::from_fn(|c| &padded.layers[0].color[c][base..]);
+            let pixels = Pixels::new(segments, &swept.missed, missed_rule, (x, y), L::CELLS);
+            pixels.divide(&swept.sums, own, stride, out);
         }
     }
 }
@@ -392,11 +373,11 @@ fn parts() -> impl Iterator<Item = (usize, usize)> {
     rows.flat_map(|y| (0..TILE.0).step_by(PART.0).map(move |x| (x, y)))
 }
 
-/// One compiled sweep: an instruction set and a number of channels.
-type SweepFn = unsafe fn(&Padded, &mut Segments, (usize, usize), Missed, &mut TileColor);
+/// One compiled sweep: an instruction set, and a number of channels or groups.
+type SweepFn<Out> = unsafe fn(&Padded, &mut Segments, (usize, usize), Missed, &mut Out);
 
 macro_rules! instantiate {
-    ($($name:ident, $lanes:ty, $($feature:literal)?;)*) => {
+    ($($name:ident, $of_groups:ident, $lanes:ty, $($feature:literal)?;)*) => {
         $(
             /// # Safety
             ///
@@ -412,17 +393,32 @@ macro_rules! instantiate {
                 // SAFETY: per the function's contract.
                 unsafe { sweep_tile::<$lanes, C>(padded, segments, origin, missed, out) }
             }
+
+            /// # Safety
+            ///
+            /// As for [`sweep_tile_of_groups`].
+            $(#[target_feature(enable = $feature)])?
+            unsafe fn $of_groups(
+                padded: &Padded,
+                segments: &mut Segments,
+                origin: (usize, usize),
+                missed: Missed,
+                out: &mut [TileColor],
+            ) {
+                // SAFETY: per the function's contract.
+                unsafe { sweep_tile_of_groups::<$lanes>(padded, segments, origin, missed, out) }
+            }
         )*
     };
 }
 
 instantiate! {
-    portable, Portable, ;
+    portable, portable_groups, Portable, ;
 }
 #[cfg(target_arch = "x86_64")]
 instantiate! {
-    avx2, super::lanes::Avx2, "avx2";
-    avx512, super::lanes::Avx512, "avx512f,avx512bw";
+    avx2, avx2_groups, super::lanes::Avx2, "avx2";
+    avx512, avx512_groups, super::lanes::Avx512, "avx512f,avx512bw";
 }
 
 macro_rules! by_channels {
@@ -432,8 +428,8 @@ macro_rules! by_channels {
 }
 
 /// The sweep for an instruction set and a number of channels.
-fn sweep_for(simd: Simd, channels: usize) -> SweepFn {
-    let by_channels: [SweepFn; 4] = match simd.instruction_set() {
+fn sweep_for(simd: Simd, channels: usize) -> SweepFn<TileColor> {
+    let by_channels: [SweepFn<TileColor>; 4] = match simd.instruction_set() {
         InstructionSet::Portable => by_channels!(portable),
         #[cfg(target_arch = "x86_64")]
         InstructionSet::Avx2 => by_channels!(avx2),
@@ -443,7 +439,18 @@ fn sweep_for(simd: Simd, channels: usize) -> SweepFn {
     by_channels[channels - 1]
 }
 
-/// Sweeps the tile at `origin` over all samples of `segments`.
+/// The sweep of all groups for an instruction set.
+fn sweep_of_groups_for(simd: Simd) -> SweepFn<[TileColor]> {
+    match simd.instruction_set() {
+        InstructionSet::Portable => portable_groups,
+        #[cfg(target_arch = "x86_64")]
+        InstructionSet::Avx2 => avx2_groups,
+        #[cfg(target_arch = "x86_64")]
+        InstructionSet::Avx512 => avx512_groups,
+    }
+}
+
+/// Sweeps the tile at `origin` over all samples of `segments`, for each group of channels.
 ///
 /// # Safety
 ///
@@ -455,10 +462,14 @@ pub unsafe fn sweep(
     segments: &mut Segments,
     origin: (usize, usize),
     missed: Missed,
-    out: &mut TileColor,
+    out: &mut [TileColor],
 ) {
-    let sweep = sweep_for(simd, out.planes.len());
     // SAFETY: the instructions have been detected, otherwise this `Simd` would not exist; the rest is this function's
     // contract.
-    unsafe { sweep(padded, segments, origin, missed, out) }
+    unsafe {
+        match out {
+            [only] => sweep_for(simd, only.planes.len())(padded, segments, origin, missed, only),
+            groups => sweep_of_groups_for(simd)(padded, segments, origin, missed, groups),
+        }
+    }
 }

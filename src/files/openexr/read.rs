@@ -43,6 +43,8 @@ pub struct Part {
     pub name: Option<String>,
     /// The names of its channels, sorted by the format.
     pub channels: Vec<String>,
+    /// The types of their samples: "half", "float" or "uint".
+    pub sample_types: Vec<&'static str>,
     /// The pixels that are stored.
     pub data_window: Window,
     /// The pixels that are meant to be seen.
@@ -89,6 +91,12 @@ pub fn parts(path: &Path) -> Result<Vec<Part>> {
             .map(|header| Part {
                 name: header.own_attributes.layer_name.as_ref().map(text),
                 channels: header.channels.list.iter().map(|channel| text(&channel.name)).collect(),
+                sample_types: header
+                    .channels
+                    .list
+                    .iter()
+                    .map(|channel| name_of(channel.sample_type))
+                    .collect(),
                 data_window: header.data_window().into(),
                 display_window: header.shared_attributes.display_window.into(),
                 pixel_aspect: pixel_aspect(header.shared_attributes.pixel_aspect),
@@ -97,13 +105,23 @@ pub fn parts(path: &Path) -> Result<Vec<Part>> {
     })
 }
 
-/// Reads what the first part of a file says beside its pixels.
-pub fn attributes(path: &Path) -> Result<Attributes> {
+fn name_of(sample_type: SampleType) -> &'static str {
+    match sample_type {
+        SampleType::F16 => "half",
+        SampleType::F32 => "float",
+        SampleType::U32 => "uint",
+    }
+}
+
+/// Reads what each part of a file says beside its pixels.
+pub fn attributes(path: &Path) -> Result<Vec<Attributes>> {
     with_path(path, || {
         let reader = ::exr::block::read(open(path)?.reader, false)?;
-        let header =
-            reader.headers().first().ok_or_else(|| Problem::Damaged("it has no part".into()))?.clone();
-        Ok(Attributes { shared: header.shared_attributes, own: header.own_attributes })
+        let of = |header: &Header| Attributes {
+            shared: header.shared_attributes.clone(),
+            own: header.own_attributes.clone(),
+        };
+        Ok(reader.headers().iter().map(of).collect())
     })
 }
 

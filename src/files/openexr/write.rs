@@ -56,6 +56,8 @@ pub struct Layer<'a> {
     pub height: usize,
     /// Its channels, in any order.
     pub channels: Vec<Channel<'a>>,
+    /// The part of another file whose attributes it has, if it has such.
+    pub like: usize,
 }
 
 /// The lossless compression with this name.
@@ -72,13 +74,16 @@ pub fn compression(name: &str) -> std::result::Result<Compression, Problem> {
     }
 }
 
-/// Writes a file of one or more parts; with the attributes of another file if they are given, and where the parts begin in
+/// The attributes of another file's parts, and where parts begin in its display window.
+pub type Kept<'a> = (&'a [Attributes], Option<(i32, i32)>);
+
+/// Writes a file of one or more parts; with the attributes of another file's parts if they are given, and where the parts begin in
 /// that one's display window.
 pub fn write(
     path: &Path,
     mut layers: Vec<Layer<'_>>,
     compression: Compression,
-    attributes: Option<(&Attributes, Option<(i32, i32)>)>,
+    attributes: Option<Kept>,
 ) -> Result<()> {
     atomic::replace(path, |writer| {
         for layer in &mut layers {
@@ -87,8 +92,11 @@ pub fn write(
         }
         let mut headers = headers(&layers, compression)?;
         if let Some((attributes, corner)) = attributes {
-            for header in &mut headers {
-                attributes.set(header, corner);
+            for (header, layer) in headers.iter_mut().zip(&layers) {
+                let own = attributes.get(layer.like).ok_or_else(|| {
+                    Problem::Argument(format!("there is no part {} to take attributes from", layer.like))
+                })?;
+                own.set(header, corner);
             }
         }
         let blocks: Vec<_> = enumerate_ordered_header_block_indices(&headers).collect();

@@ -71,6 +71,21 @@ pub fn flow(kappa: f32, own: f32, other: f32) -> f32 {
     greatest(least(wanted, most), -most)
 }
 
+/// The weight with which a channel that is carried moves from a neighbour to a cell by sharpening or widening by `kappa`:
+/// all of `kappa`, or as much as [`flow`] would let of the light of the picture that carries it. `own` and `other` are the
+/// picture's colours, all of light.
+#[inline(always)]
+pub fn guided<const L: usize>(kappa: f32, own: [f32; L], other: [f32; L]) -> f32 {
+    let (mut wanted, mut most) = (f32::MIN_POSITIVE, f32::MIN_POSITIVE);
+    for c in 0..L {
+        let (a, b) = (own[c], other[c]);
+        wanted += (kappa * (b - a)).abs();
+        let lesser = if a < b { a } else { b };
+        most += 0.25 * if lesser > 0.0 { lesser } else { 0.0 };
+    }
+    if kappa > 0.0 && wanted > most { kappa * (most / wanted) } else { kappa }
+}
+
 /// The variance to add to a cell as a function of its shift; negative where blur is to be undone.
 pub struct Footprint {
     table: Vec<f32>,

@@ -14,7 +14,7 @@ use crate::scene::colors::CellColor;
 use crate::scene::depth_codes::DepthCodes;
 use crate::scene::edges::CONNECTED_PX;
 use crate::scene::grid::{BLOCK, TILE};
-use crate::scene::highlights::Bright;
+use crate::scene::highlights::{Bright, light_channels};
 use crate::scene::layered::LayeredScene;
 use crate::simd::Simd;
 use rayon::prelude::*;
@@ -56,6 +56,9 @@ pub struct Highlight {
     pub t: f64,
     /// The light by which the cell outshines its surroundings.
     pub excess: [f32; 4],
+    /// The part of the cell's own light that this is, over all channels, and the part of its pixel that the cell covers.
+    pub outshining: f32,
+    pub area: f32,
     /// The discs between which its own lies, in steps of [`disc::APART`], and the share of the second.
     pub steps: [i32; 2],
     pub share: f32,
@@ -64,12 +67,15 @@ pub struct Highlight {
 }
 
 impl Highlight {
-    fn new(layer: usize, (x, y): (usize, usize), t: f64, excess: [f32; 4]) -> Highlight {
+    fn new(layer: usize, (x, y): (usize, usize), t: f64, bright: &Bright, lights: usize) -> Highlight {
         let position = disc::position_of(t);
         let first = position.floor();
         let steps = [first as i32, position.ceil() as i32];
         let (share, drawn) = ((position - first) as f32, drawn_part(t));
-        Highlight { x: x as i32, y: y as i32, layer, t, excess, steps, share, drawn }
+        let (outshining, area) = (bright.outshining(lights), bright.area);
+        let excess = bright.excess.map(|e| area * e);
+        let (x, y) = (x as i32, y as i32);
+        Highlight { x, y, layer, t, excess, outshining, area, steps, share, drawn }
     }
 
     /// No pixel of the disc is farther from the highlight's own than this, along either axis.
@@ -131,7 +137,7 @@ impl Highlights {
         if plan.tiles.iter().all(|tile| tile.work == Work::InFocus) {
             return Highlights::default();
         }
-        let width = scene.size.width;
+        let (width, lights) = (scene.size.width, light_channels(scene.size));
         let (mut found, mut swept) = (Highlights::default(), Vec::new());
         for (i, bright) in scene.bright(simd).iter().enumerate() {
             // A cell that has a colour and no depth is empty.
@@ -140,9 +146,8 @@ impl Highlights {
             found.dimmed.push(bright().map(|b| b.with(0.0)).collect());
             let t = |b: &Bright| f64::from(s[b.index]) - plan.s_focus;
             swept.push(bright().map(|b| b.with(1.0 - drawn_part(t(b)))).collect::<Vec<_>>());
-            found.all.extend(bright().map(|b| {
-                Highlight::new(i, (b.index % width, b.index / width), t(b), b.excess.map(|e| b.area * e))
-            }));
+            let place = |b: &Bright| (b.index % width, b.index / width);
+            found.all.extend(bright().map(|b| Highlight::new(i, place(b), t(b), b, lights)));
         }
         found.swept = found.all.iter().any(|h| h.drawn < 1.0).then_some(swept);
         found.all.par_sort_by_key(Highlight::cluster);

@@ -1,0 +1,222 @@
+"""The passes of an OpenEXR file through one lens: ``dofsim render --channels``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import dofsim
+
+from . import _deep, _dofsim
+from ._channel_kinds import KINDS, Kind, id_sets, kinds_of, matches
+from ._channels import Channel
+from ._exr import ExrFile
+from ._frame import framed_values
+from ._ids import render_ids
+from ._names import listed
+
+_TYPES: dict[str, type[np.floating[Any]]] = {"half": np.float16, "float": np.float32}
+_IN_CHANNEL = re.compile(r"color must be finite where .*; got (\S+) in channel (\d+) at (.*)")
+# The words of a render that `dofsim.render_ids` takes, beside the picture that decides.
+_OF_IDS = (
+    "aperture",
+    "depth_kind",
+    "near",
+    "far",
+    "depth_range",
+    "invalid",
+    "invalid_color",
+    "alpha",
+    "transfer",
+    "overscan",
+    "max_coc_px",
+    "threads",
+    "views",
+)
+
+
+@dataclass(frozen=True)
+class Passes:
+    """Channels of an OpenEXR file that are rendered, and what they hold.
+
+    Attributes
+    ----------
+    file : ExrFile
+        The file.
+    kinds : dict of str to str
+        The kinds of the channels by their full names.
+    """
+
+    file: ExrFile
+    kinds: dict[str, Kind]
+
+    @classmethod
+    def choose(cls, path: Path, patterns: Sequence[str], given: Sequence[str]) -> Passes:
+        """Choose channels of a file, and tell what they hold.
+
+        Parameters
+        ----------
+        path : Path
+            The file.
+        patterns : sequence of str
+            Patterns of full names or of layers, of which a channel must fit one.
+        given : sequence of str
+            ``NAME=KIND``, for patterns of channels.
+
+        Returns
+        -------
+        Passes
+            The channels.
+
+        Raises
+        ------
+        ValueError
+            If the file has no such channels, or holds what has no mean.
+        """
+        if _deep.exr_kind(path) != "flat":
+            raise ValueError(f"{path}: --channels is for flat OpenEXR files")
+        file = ExrFile.of(path)
+        kinds = kinds_of(file.channels, [_read_kind(text) for text in given])
+        for pattern in patterns:
+            if not any(matches(channel, pattern) for channel in file.channels):
+                raise ValueError(
+                    f"{path}: there is no channel {pattern!r}; channels: "
+                    f"{listed(channel.full for channel in file.channels)}"
+                )
+        chosen = {
+            channel.full: kinds[channel.full]
+            for channel in file.channels
+            if kinds[channel.full] != "none" and any(matches(channel, pattern) for pattern in patterns)
+        }
+        passes = cls(file, chosen)
+        for channel in passes.channels:
+            if passes._type_of(channel) == "uint":
+                raise ValueError(
+                    f"{path}: {channel.full} holds whole numbers, of which there is no mean; leave it out "
+                    f"with --kind {channel.full}=none"
+                )
+        if not chosen:
+            raise ValueError(f"{path}: --kind leaves no channel")
+        id_sets(passes._of("id"))
+        return passes
+
+    @property
+    def channels(self) -> list[Channel]:
+        """The channels that are rendered."""
+        return [channel for channel in self.file.channels if channel.full in self.kinds]
+
+    def describe(self) -> str:
+        """Say what the channels are taken for, in one line."""
+        found = {kind: [name for name, own in self.kinds.items() if own == kind] for kind in KINDS}
+        return "; ".join(f"{kind}: {listed(names)}" for kind, names in found.items() if names)
+
+    def render(
+        self, guide: NDArray[Any], depth: NDArray[Any], lens: dofsim.Lens, **words: Any
+    ) -> dict[str, NDArray[np.float32]]:
+        """Render all channels by the same picture.
+
+        Parameters
+        ----------
+        guide, depth, lens
+            As for `dofsim.render`.
+        **words
+            The other arguments of `dofsim.render`.
+
+        Returns
+        -------
+        dict of str to ndarray of float32
+            Planes by the full names of the channels.
+
+        Raises
+        ------
+        ValueError
+            If a channel cannot be rendered.
+        """
+        planes = self._read(guide.shape[:2])
+        out: dict[str, NDArray[np.float32]] = {}
+        known = [(channel, self.kinds[channel.full]) for channel in self.channels]
+        # What holds ids is no mean, and what is left out is not there.
+        kinds = [kind for _, kind in known if kind != "id" and kind != "none"]
+        averaged = [channel for channel, kind in known if kind != "id"]
+        if averaged:
+            stacked = np.stack([planes[channel.full] for channel in averaged], axis=-1)
+            try:
+                rendered = dofsim.render(stacked, depth, lens, guide=guide, kinds=kinds, **words)
+            except ValueError as error:
+                raise self._named(error, averaged) from None
+            out |= {channel.full: rendered[..., i] for i, channel in enumerate(averaged)}
+        for members in id_sets(self._of("id")):
+            if words.get("supersample", 1) != 1:
+                raise ValueError("supersample must be 1 for ids, of which there is no mean")
+            own = {name: words[name] for name in _OF_IDS if name in words}
+            stacked = np.stack([planes[channel.full] for channel in members], axis=-1)
+            rendered = render_ids(stacked, depth, lens, guide=guide, **own)
+            out |= {channel.full: rendered[..., i] for i, channel in enumerate(members)}
+        return out
+
+    def write(
+        self, output: Path, planes: dict[str, NDArray[np.float32]], corner: tuple[int, int] | None
+    ) -> None:
+        """Write channels under their names, in their parts and types, with what the file says of these."""
+        numbers = sorted({channel.part for channel in self.channels})
+        parts = []
+        for number in numbers:
+            own = [channel for channel in self.channels if channel.part == number]
+            named = [(c.name, _in_type(planes[c.full], self._type_of(c))) for c in own]
+            parts.append((self.file.parts[number].name, named))
+        _dofsim.write_exr(
+            output, parts, compression="zip", attributes_of=self.file.path, corner=corner, like=numbers
+        )
+
+    def _of(self, kind: Kind) -> list[Channel]:
+        return [channel for channel in self.channels if self.kinds[channel.full] == kind]
+
+    def _type_of(self, channel: Channel) -> str:
+        part = self.file.parts[channel.part]
+        return part.sample_types[part.channels.index(channel.name)]
+
+    def _read(self, size: tuple[int, ...]) -> dict[str, NDArray[np.float32]]:
+        """Read all channels, laid out as the picture is."""
+        planes: dict[str, NDArray[np.float32]] = {}
+        for number in sorted({channel.part for channel in self.channels}):
+            own = [channel for channel in self.channels if channel.part == number]
+            stored = self.file.read(own, data=True, fill=0.0)
+            stored = stored[..., None] if len(own) == 1 else stored
+            margin = (size[1] - self.file.parts[number].display_window[2]) // 2
+            laid_out = framed_values(stored, self.file.beyond(number), margin)
+            if laid_out.shape[:2] != size:
+                raise ValueError(
+                    f"{self.file.path}: {own[0].full} has {laid_out.shape[0]} x {laid_out.shape[1]} pixels, "
+                    f"and the picture {size[0]} x {size[1]}; all parts must be of one size"
+                )
+            planes |= {channel.full: laid_out[..., i] for i, channel in enumerate(own)}
+        return planes
+
+    def _named(self, error: ValueError, channels: list[Channel]) -> ValueError:
+        """Name the channel that an error is about."""
+        if not (found := _IN_CHANNEL.fullmatch(str(error))):
+            return error
+        name = channels[int(found[2])].full
+        return ValueError(
+            f"{self.file.path}: {name} has {found[1]} at {found[3]}; say what it is, as with --kind "
+            f"{name}=data, or leave it out with --kind {name}=none"
+        )
+
+
+def _read_kind(text: str) -> tuple[str, Kind]:
+    name, _, kind = text.rpartition("=")
+    if not name or kind not in KINDS:
+        raise ValueError(f"--kind takes NAME=KIND, where KIND is one of {', '.join(KINDS)}; got {text!r}")
+    return name, next(known for known in KINDS if known == kind)
+
+
+def _in_type(plane: NDArray[np.float32], sample_type: str) -> NDArray[Any]:
+    to = _TYPES[sample_type]
+    limits = np.finfo(to)
+    return np.ascontiguousarray(np.clip(plane, limits.min, limits.max), to)

@@ -1,0 +1,122 @@
+//! Channels that are rendered together: those of a picture, or some of those that it carries.
+
+use crate::picture::{ChannelGroup, Picture, Size, Weighting};
+use crate::plan::lens::highlights::{Highlight, Highlights};
+use crate::scene::colors::{CellColor, Colors};
+use crate::scene::highlights::light_channels;
+use crate::scene::layered::LayeredScene;
+
+/// The input of a render.
+pub struct Input<'a> {
+    /// The picture.
+    pub picture: &'a Picture,
+    /// The layered scene made from it.
+    pub scene: &'a LayeredScene,
+    /// The output averages this many pixels along each axis, so correspondingly fewer samples are enough.
+    pub supersample: usize,
+}
+
+/// How the blur of drawing cells at fractions of a pixel is undone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sharpening {
+    /// Each channel as far as its own values allow.
+    Own,
+    /// As far as the values of the picture allow that carries the channels.
+    Guided,
+    /// Not at all, since it needs negative weights.
+    Never,
+}
+
+/// Up to four channels.
+pub struct Group<'a> {
+    /// The frame with these channels.
+    pub size: Size,
+    /// Planes of each layer, as they were given.
+    pub planes: Vec<&'a [f32]>,
+    /// The colours of each layer without the light of highlights.
+    pub dimmed: Vec<Colors>,
+    /// The same with the light of highlights that is swept, if some is.
+    pub swept: Option<Vec<Colors>>,
+    /// The light of each highlight.
+    pub excess: Vec<[f32; 4]>,
+    /// In how many channels, the first ones, highlights are drawn.
+    pub lights: usize,
+    pub sharpening: Sharpening,
+}
+
+/// The colours of some layers with these cells changed.
+fn changed<'a>(of_layers: impl Iterator<Item = &'a Colors>, changes: &[Vec<CellColor>]) -> Vec<Colors> {
+    let of_layer = |(i, colors): (usize, &Colors)| match changes.get(i) {
+        Some(changes) if !changes.is_empty() => colors.with(changes.clone()),
+        _ => colors.clone(),
+    };
+    of_layers.enumerate().map(of_layer).collect()
+}
+
+impl<'a> Group<'a> {
+    /// The channels of the picture itself.
+    pub fn of_picture(input: &Input<'a>, highlights: &Highlights) -> Group<'a> {
+        let Input { picture, scene, .. } = *input;
+        let colors = |changes: &[Vec<CellColor>]| changed(scene.layers.iter().map(|l| &l.colors), changes);
+        Group {
+            size: picture.size,
+            planes: picture.layers.iter().map(|layer| &layer.color[..]).collect(),
+            dimmed: colors(&highlights.dimmed),
+            swept: highlights.swept.as_deref().map(colors),
+            excess: highlights.all.iter().map(|highlight| highlight.excess).collect(),
+            lights: light_channels(picture.size),
+            sharpening: Sharpening::Own,
+        }
+    }
+
+    /// The groups of channels that the picture carries. Of each cell's light, the part is a highlight that the picture has
+    /// found.
+    pub fn carried(input: &Input<'a>, highlights: &Highlights) -> Vec<Group<'a>> {
+        let Input { picture, scene, .. } = *input;
+        let group = |(g, group): (usize, &'a ChannelGroup)| {
+            let layers = scene.layers.iter().map(|layer| &layer.carried[g]);
+            let planes = vec![&group.planes[..]];
+            let plain = Group {
+                size: group.size,
+                planes,
+                dimmed: Vec::new(),
+                swept: None,
+                excess: Vec::new(),
+                lights: 0,
+                sharpening: Sharpening::Never,
+            };
+            match group.weighting {
+                Weighting::Mean => Group { dimmed: layers.cloned().collect(), ..plain },
+                Weighting::Light => {
+                    let color = |h: &Highlight| {
+                        let index = h.y as usize * group.size.width + h.x as usize;
+                        (index, scene.layers[h.layer].carried[g].at(index))
+                    };
+                    let scaled = |part: &dyn Fn(&Highlight) -> f32| {
+                        let mut cells = vec![Vec::new(); scene.layers.len()];
+                        for h in &highlights.all {
+                            let ((index, color), part) = (color(h), part(h));
+                            cells[h.layer].push(CellColor { index, color: color.map(|v| part * v) });
+                        }
+                        changed(layers.clone(), &cells)
+                    };
+                    let excess = highlights.all.iter();
+                    Group {
+                        dimmed: scaled(&|h| 1.0 - h.outshining),
+                        swept: highlights.swept.is_some().then(|| scaled(&|h| 1.0 - h.drawn * h.outshining)),
+                        excess: excess.map(|h| color(h).1.map(|v| h.area * h.outshining * v)).collect(),
+                        lights: group.size.channels,
+                        sharpening: Sharpening::Guided,
+                        ..plain
+                    }
+                }
+            }
+        };
+        picture.carried.iter().enumerate().map(group).collect()
+    }
+
+    /// The colours of each layer with which cells are swept.
+    pub fn swept(&self) -> &[Colors] {
+        self.swept.as_ref().unwrap_or(&self.dimmed)
+    }
+}

@@ -1,0 +1,95 @@
+//! How the values of a cell are made of those of pixels: what the colours of a picture decide, for channels that it carries.
+
+use crate::picture::{ChannelGroup, Weighting};
+use crate::rows::mix;
+
+/// Where the pure colour of a surface is taken from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum PureSource {
+    /// From the pixels around that show nothing but this surface.
+    Around,
+    /// From one pixel.
+    Pixel(u32),
+}
+
+/// How the colours of both surfaces of a mixed pixel are made of those of pixels: for channels that are carried, which
+/// are all taken apart alike.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Recipe {
+    pub front: PureSource,
+    pub back: PureSource,
+    /// How much of what the pure colours leave unexplained of the pixel is added to the surface in front.
+    pub rest_to_front: f32,
+    /// How far the pixel is separated.
+    pub strength: f32,
+}
+
+impl Recipe {
+    /// The values in front and behind of a pixel of which `coverage` is in front, from its own and the two pure ones.
+    pub fn apply(
+        &self,
+        coverage: f32,
+        weighting: Weighting,
+        own: [f32; 4],
+        [front, back]: [[f32; 4]; 2],
+    ) -> [[f32; 4]; 2] {
+        let (a, b) = (coverage, 1.0 - coverage);
+        let to_front = self.rest_to_front;
+        let to_back = if b > 0.0 { (1.0 - a * to_front) / b } else { 0.0 };
+        let ends: [[f32; 4]; 2] = match weighting {
+            // A pixel that one surface covers by more than half tells of that one, the more the wholer it is covered.
+            Weighting::Mean => {
+                let of_own = [(2.0 * a - 1.0).max(0.0), (2.0 * b - 1.0).max(0.0)];
+                let mixed = |end: [f32; 4], part: f32| std::array::from_fn(|c| mix(end[c], own[c], part));
+                [mixed(front, of_own[0]), mixed(back, of_own[1])]
+            }
+            Weighting::Light => {
+                let rest: [f32; 4] = std::array::from_fn(|c| own[c] - a * front[c] - b * back[c]);
+                [
+                    std::array::from_fn(|c| front[c] + to_front * rest[c]),
+                    std::array::from_fn(|c| back[c] + to_back * rest[c]),
+                ]
+            }
+        };
+        ends.map(|end| std::array::from_fn(|c| toward(self.strength, own[c], end[c])))
+    }
+}
+
+/// What `v` becomes where a pixel is separated so far, and entirely `end`.
+pub fn toward(strength: f32, v: f32, end: f32) -> f32 {
+    if strength < 1.0 { v + strength * (end - v) } else { end }
+}
+
+/// Channels that are filled by the weights of the colours.
+#[derive(Clone, Copy)]
+pub struct Cargo<'a> {
+    pub groups: &'a [ChannelGroup],
+    /// The values of both surfaces of the mixed pixels; see [`of_mixed`](super::carried::of_mixed).
+    pub mixed: &'a [[[f32; 4]; 2]],
+}
+
+/// The pixel whose colour a ray brings along.
+#[derive(Clone, Copy)]
+pub enum Source {
+    Pixel(usize),
+    /// The surface behind the mixed pixel of this number.
+    Behind(usize),
+}
+
+impl Cargo<'_> {
+    /// Channels that nothing has been added to.
+    pub fn nothing(&self) -> Vec<[f32; 4]> {
+        vec![[0.0; 4]; self.groups.len()]
+    }
+
+    /// Adds a source to every group of channels.
+    pub fn add(&self, sum: &mut [[f32; 4]], weight: f32, source: Source) {
+        for (g, (sum, group)) in sum.iter_mut().zip(self.groups).enumerate() {
+            let values = match source {
+                Source::Pixel(q) => group.at(q),
+                Source::Behind(i) => self.mixed[i * self.groups.len() + g][1],
+            };
+            sum.iter_mut().zip(values).for_each(|(sum, v)| *sum += weight * v);
+        }
+    }
+}
