@@ -12,6 +12,9 @@ pub struct View {
     pub channels: usize,
     /// The inverse of `z` at every pixel.
     pub disparity: Buffer<f32>,
+    /// By how many pixels, to the right and down, the point at every pixel is away from it in the picture of the reference
+    /// when that is taken; 0 or NaN where that is not known.
+    pub flow: Option<[Buffer<f32>; 2]>,
     /// What took it.
     pub camera: Camera,
 }
