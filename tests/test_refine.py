@@ -258,6 +258,19 @@ def test_lamps_of_a_coarse_map_come_back():
         assert sharp[80, 140] == pytest.approx(0.7, abs=0.1)
 
 
+def test_rails_thinner_than_a_coarse_map_are_as_near_as_they_are():
+    """No pixel of the map has the depth of a rail of 3 px, as each is a mean over 4."""
+    rail = np.abs((X - 0.1 * Y) % 26 - 13) < 1.5
+    depth = np.where(rail, 0.9, 0.2).astype(np.float32)
+    color = np.where(rail[..., None], np.array([0.8, 0.5, 0.2]), 0.3 + 0.2 * np.sin(X / 5)[..., None])
+    coarse = quarter(depth)
+    assert np.median(enlarged(coarse)[rail]) < 0.66
+    sharp = dofsim.refine_depth(color.astype(np.float32), coarse, depth_kind="disparity")
+    print(np.median(sharp[rail]))
+    assert np.median(sharp[rail]) > 0.75
+    assert np.median(sharp[~rail]) == pytest.approx(0.2, abs=0.01)
+
+
 def test_one_range_for_a_sequence_keeps_what_has_not_moved():
     depth = exact()
     near = depth.copy()

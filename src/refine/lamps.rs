@@ -6,6 +6,7 @@
 //! lamp's light is drawn with the circle of confusion of that depth.
 
 use super::plane::{Plane, Tile, fade};
+use super::spread::{Local, Spread};
 use super::steps::{Edges, LEAST_CONTRAST, Steps, margin_px, steps};
 use crate::cancel::Cancel;
 use crate::error::Result;
@@ -85,24 +86,6 @@ struct Blur {
     reach: usize,
 }
 
-/// What became of sharp depth.
-#[derive(Clone, Copy)]
-enum Spread {
-    /// It was blurred by something like a Gaussian of this standard deviation.
-    Gaussian(f32),
-    /// It was averaged over squares of so many pixels, and enlarged.
-    Blocks(usize),
-}
-
-impl Spread {
-    fn of(self, plane: &Plane) -> Plane {
-        match self {
-            Spread::Gaussian(sigma) => plane.blurred(sigma),
-            Spread::Blocks(side) => plane.averaged(side).resized(plane.width, plane.height),
-        }
-    }
-}
-
 /// The depth of lamps put into that of steps.
 fn with_lamps(depth: &Plane, plain: &Plane, lamps: &Plane, blur: Blur, range: f32, ends: [f32; 2]) -> Plane {
     let Blur { width_px, spread, reach } = blur;
@@ -146,35 +129,6 @@ fn with_lamps(depth: &Plane, plain: &Plane, lamps: &Plane, blur: Blur, range: f3
         behind = without(&steps(&rest, width_px, range).depth, &holes);
     }
     unreachable!("the rounds are counted")
-}
-
-/// Local statistics of planes and of one that they are compared with.
-struct Local<'a> {
-    probe: &'a Plane,
-    mean: Plane,
-    window_px: f32,
-}
-
-impl Local<'_> {
-    fn new(probe: &Plane, window_px: f32) -> Local<'_> {
-        Local { probe, mean: probe.blurred(window_px), window_px }
-    }
-
-    /// The covariance of a plane with the probe.
-    fn covariance(&self, plane: &Plane) -> Plane {
-        let products = plane.with(self.probe, |a, b| a * b).blurred(self.window_px);
-        let means = plane.blurred(self.window_px).with(&self.mean, |a, b| a * b);
-        products.with(&means, |product, means| product - means)
-    }
-
-    /// The squared correlation of a plane with the probe.
-    fn correlation(&self, plane: &Plane) -> Plane {
-        let mean = plane.blurred(self.window_px);
-        let square = plane.with(plane, |a, b| a * b).blurred(self.window_px);
-        let variance = square.with(&mean, |square, mean| square - mean * mean);
-        let variances = variance.with(&self.covariance(self.probe), |a, b| a * b);
-        self.covariance(plane).with(&variances, |shared, both| shared * shared / both.max(1e-20))
-    }
 }
 
 /// The standard deviation of the blur by which sharp depth becomes the given one, if there are lamps: among several

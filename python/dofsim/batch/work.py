@@ -181,8 +181,9 @@ def render(loaded: Loaded) -> Rendered:
         if others:
             given = {name: options[name] for name in _REFINING_WORDS if name in options}
             pictures = [(color, depth), *others]
-            depth, *planes = (dofsim.refine_depth(*one, alpha=alpha, **given) for one in pictures)
-            others = [(one, plane) for (one, _), plane in zip(others, planes, strict=True)]
+            (_, depth), *others = [
+                (one, dofsim.refine_depth(one, plane, alpha=alpha, **given)) for one, plane in pictures
+            ]
         else:
             scene = dofsim.Scene(color, depth, refine=True, **scene_words)
             depth = scene.depth
