@@ -104,11 +104,17 @@ fn with_lamps(depth: &Plane, plain: &Plane, lamps: &Plane, blur: Blur, range: f3
 
     let peaks = blurred_lamps.maxima(HOLE);
     let mut behind = without(plain, &holes);
+    // The contrast of each lamp, and the same on its pixels alone.
+    let mut known = depth.like(|_, out| out.fill(0.0));
+    let mut lit = known.clone();
     for round in 1.. {
-        let unexplained = depth.with(&spread.of(&behind), |depth, explained| depth - explained);
-        // What is unexplained is a lamp's contrast times its blurred coverage: least squares, locally.
+        let by_lamps = depth.with(&spread.of(&behind), |depth, explained| depth - explained);
+        // What is unexplained is a lamp's contrast times its blurred coverage: least squares, locally, for what the lamps beside
+        // it leave.
+        let unexplained = by_lamps.with(&spread.of(&lit), |all, explained| all - explained);
         let contrast = local.covariance(&unexplained).with(&own, |shared, own| shared / (own + 1e-6));
-        let trust = local.correlation(&unexplained);
+        let contrast = contrast.with(&known, |more, known| known + more);
+        let trust = local.correlation(&by_lamps);
         let contrast = contrast.with(&trust, |contrast, trust| contrast * fade(trust, TRUST[0], TRUST[1]));
         // What is left of a lamp in the map has to stand out of the map's own rounding.
         let left = contrast.with(&peaks, |contrast, peak| contrast.abs() * peak / range);
@@ -116,7 +122,7 @@ fn with_lamps(depth: &Plane, plain: &Plane, lamps: &Plane, blur: Blur, range: f3
         // One contrast a lamp.
         let contrast = contrast.with(lamps, |contrast, lamp| contrast * lamp).blurred(1.0);
         let contrast = contrast.with(&shares, |sum, share| sum / share.max(1e-4));
-        let lit = contrast.with(&solid, |contrast, lamp| contrast * lamp);
+        lit = contrast.with(&solid, |contrast, lamp| contrast * lamp);
         if round == ROUNDS {
             let whole = lamps.with(&contrast, |lamp, contrast| if lamp > 0.5 { contrast } else { 0.0 });
             // No lamp is nearer than all that is near.
@@ -127,6 +133,7 @@ fn with_lamps(depth: &Plane, plain: &Plane, lamps: &Plane, blur: Blur, range: f3
         }
         let rest = depth.with(&spread.of(&lit), |depth, lamps| depth - lamps);
         behind = without(&steps(&rest, width_px, range).depth, &holes);
+        known = contrast;
     }
     unreachable!("the rounds are counted")
 }
