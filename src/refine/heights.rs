@@ -13,9 +13,17 @@ const MIDDLE: f32 = 0.1;
 /// The variance of coverage below which it says nothing of a height.
 const LEAST_VARIANCE: f32 = 1e-3;
 
+/// The width of edges in sides of squares. Means over squares, interpolated, have edges of up to two sides; where they are
+/// wider, the map was soft before, and what it has lost is not known.
+const WIDTH: [f32; 2] = [1.75, 2.25];
+
 /// Sharp depth whose nearer surfaces explain the map as well as they can, one height at a place. The map was enlarged from
 /// means over squares of `side` pixels.
 pub fn explained(map: &Plane, sharp: &Plane, side: usize, width_px: f32, range: f32) -> Plane {
+    let known = fade(-width_px / side as f32, -WIDTH[1], -WIDTH[0]);
+    if known <= 0.0 {
+        return sharp.clone();
+    }
     let (spread, reach) = (Spread::Blocks(side), reach_px(width_px));
     // A square and the interpolation to its neighbours spread a point by half a side. The window has twice that deviation,
     // and ends at three of its own.
@@ -31,7 +39,7 @@ pub fn explained(map: &Plane, sharp: &Plane, side: usize, width_px: f32, range: 
             let local = Local::new(&probe, window_px);
             let shared = local.covariance(&unexplained);
             let lack = shared.with(&local.covariance(&probe), |shared, own| shared / (own + LEAST_VARIANCE));
-            let lack = lack.with(&near, |lack, near| lack * near);
+            let lack = lack.with(&near, |lack, near| known * lack * near);
             // Nothing is nearer than all that is near.
             sharp.with(&lack, |sharp, lack| if lack == 0.0 { sharp } else { (sharp + lack).clamp(low, high) })
         })

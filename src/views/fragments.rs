@@ -4,7 +4,8 @@
 //! reference, so that a surface has neither holes nor doubled rims however it is stretched or squeezed.
 
 use super::depth_map::{DepthMap, another};
-use super::source::{Evidence, Source, Strip};
+use super::evidence::Evidence;
+use super::source::{Source, Strip};
 use crate::scene::edges::{DOWN, EDGE, RIGHT};
 use std::ops::Range;
 

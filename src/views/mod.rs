@@ -7,6 +7,7 @@
 pub mod axes;
 pub mod camera;
 mod depth_map;
+mod evidence;
 mod fragments;
 mod merge;
 mod motion;

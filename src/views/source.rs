@@ -2,6 +2,7 @@
 
 use super::camera::Warp;
 use super::depth_map::{DepthMap, SAME_PX};
+use super::evidence::Evidence;
 use super::motion::ToReference;
 use super::trust::{Fit, Trust};
 use super::view::View;
@@ -12,20 +13,6 @@ use crate::scene::grid::BLOCK;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-
-/// What is known of a pixel of a view from the reference.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Evidence {
-    /// Nothing: it lies beyond the border of the reference, or beside a silhouette.
-    None,
-    /// The reference sees the same surface.
-    Agrees,
-    /// The reference sees something nearer, which does not hide it from this view.
-    Hidden,
-    /// The reference has seen through this place, or sees something there that this view has not seen.
-    Contradicts,
-}
 
 /// Two rows of a view between which surfaces are that the reference does not see.
 pub struct Strip {

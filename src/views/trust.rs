@@ -5,9 +5,9 @@
 //! colours elsewhere: on surfaces where they agree, the picture of the reference fits better some pixels beside.
 
 use super::depth_map::DepthMap;
+use super::evidence::Evidence;
 use super::motion::ToReference;
-use super::source::Evidence;
-use super::view::View;
+use super::view::{AGREES, View};
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::scene::grid::BLOCK;
@@ -88,20 +88,35 @@ impl Fit<'_> {
     /// Adds the differences of a pixel, unless places beside it are beyond the border.
     fn add(&self, index: usize, places: &[[isize; 2]; 1 + PLACES], sum: &mut Differences) -> bool {
         let DepthMap { width, height, .. } = self.map;
-        let found = self.to_reference.at(index);
-        let Some(at) = found.and_then(|seen| self.map.pixel_at(seen.x, seen.y)) else { return false };
+        let Some(seen) = self.to_reference.at(index) else { return false };
+        let Some(at) = self.map.pixel_at(seen.x, seen.y) else { return false };
         let inside = |v: usize, n: usize| v >= FARTHEST && v + FARTHEST < n;
         if !inside(at % width, width) || !inside(at / width, height) {
             return false;
         }
         let (view, reference) = self.colors;
         let own = view.color_at(index);
-        for (sum, [x, y]) in sum.iter_mut().zip(places) {
+        // Half a pixel beside is no other place: in place, the reference is interpolated.
+        let in_place = interpolated(reference, width, seen.x, seen.y);
+        sum[0] += relative_difference(&own[..self.lights], &in_place[..self.lights]);
+        for (sum, [x, y]) in sum.iter_mut().zip(places).skip(1) {
             let other = reference.color_at(at.wrapping_add_signed(y * width as isize + x));
             *sum += relative_difference(&own[..self.lights], &other[..self.lights]);
         }
         true
     }
+}
+
+/// The colour of a view between the centres of its pixels.
+fn interpolated(view: &View, width: usize, x: f64, y: f64) -> [f32; 4] {
+    let (left, top) = (x.floor(), y.floor());
+    let (across, down) = ((x - left) as f32, (y - top) as f32);
+    let index = top as usize * width + left as usize;
+    let mix = |a: [f32; 4], b: [f32; 4], share: f32| -> [f32; 4] {
+        std::array::from_fn(|c| a[c] + share * (b[c] - a[c]))
+    };
+    let row = |index: usize| mix(view.color_at(index), view.color_at(index + 1), across);
+    mix(row(index), row(index + width), down)
 }
 
 /// The squared difference of two colours in units of their squares, so that bright things do not count more.
@@ -129,7 +144,8 @@ impl Trust {
             all.iter_mut().zip(differences).for_each(|(sum, v)| *sum += v);
             count += of;
         }
-        let all = all.map(|v| v * WHOLE / f32::max(count, WHOLE));
+        let share = WHOLE / f32::max(count, WHOLE);
+        let (all, count) = (all.map(|v| v * share), count * share);
         let of_block = |i: usize| {
             let (x, y) = (i % across, i / across);
             let rows = y.saturating_sub(1)..(y + 2).min(down);
@@ -138,11 +154,12 @@ impl Trust {
             let [agree, contradict] = sum(&mut around().map(|i| votes[i]));
             let share = (contradict as f32 + FEW * whole) / ((agree + contradict) as f32 + FEW);
             let in_place = (1.5 - 0.5 * share / DISPLACED).clamp(0.0, 1.0);
-            let mut differences = all;
+            let (mut differences, mut count) = (all, count);
             for i in around() {
                 differences.iter_mut().zip(&fits[i].0).for_each(|(sum, v)| *sum += v);
+                count += fits[i].1;
             }
-            in_place * fits_best(&differences)
+            in_place * fits_best(&differences, count)
         };
         Trust { across, of_block: (0..votes.len()).map(of_block).collect() }
     }
@@ -161,13 +178,13 @@ impl Trust {
     }
 }
 
-/// How far colours fit in place and not beside, from 0 to 1.
-fn fits_best(differences: &Differences) -> f32 {
+/// How far the colours of so many pixels fit in place and not beside, from 0 to 1. A difference that is none counts nowhere.
+fn fits_best(differences: &Differences, count: f32) -> f32 {
+    let none = 0.5 * AGREES * AGREES * count + f32::MIN_POSITIVE;
     let least = differences[1..].iter().copied().fold(f32::INFINITY, f32::min);
     let [nowhere, everywhere] = FITS;
-    let share =
-        (least - nowhere * differences[0]) / ((everywhere - nowhere) * differences[0]).max(f32::MIN_POSITIVE);
-    if differences[0] > 0.0 { share.clamp(0.0, 1.0) } else { 1.0 }
+    let fits = (least + none) / (differences[0] + none);
+    ((fits - nowhere) / (everywhere - nowhere)).clamp(0.0, 1.0)
 }
 
 #[cfg(test)]

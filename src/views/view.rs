@@ -4,6 +4,10 @@ use super::camera::Camera;
 use crate::memory::Buffer;
 use crate::picture::Size;
 
+/// Colours that differ by no more than this part of them agree: what noise and resampling leave between two pictures of
+/// one thing.
+pub const AGREES: f32 = 1.0 / 32.0;
+
 /// One picture of a scene.
 pub struct View {
     /// Colour planes, linear and premultiplied.
