@@ -1,6 +1,7 @@
 """Frames of a shot that get what the frames beside them saw."""
 
 import json
+from dataclasses import replace
 
 import dofsim
 import numpy as np
@@ -10,6 +11,7 @@ from dofsim.batch import Frame, map_frames, with_neighbours, work
 from dofsim.cameras import write_cameras
 from dofsim.cli import run
 from oracle.cards import Card, Cards, pose, stripes
+from scipy.ndimage import gaussian_filter
 
 SCENE = Cards([Card((0, 0, 4), (9, 9)), Card((0.0, 0, 0.8), (0.12, 0.2), stripes)], width=64, height=48)
 FOV = float(np.degrees(2 * np.arctan(0.32)))
@@ -37,12 +39,12 @@ def frames(folder):
     ]
 
 
-def expected(folder, number, others):
+def expected(folder, number, others, seen=lambda color, depth: depth):
     pictures = [io.read_rgbd(folder / f"{i:04}.exr") for i in (number, *others)]
     lens = dofsim.Lens(**LENS)
     layers, depths = dofsim.layers_from_views(
         [color for color, _ in pictures],
-        [depth for _, depth in pictures],
+        [seen(color, depth) for color, depth in pictures],
         np.stack([POSES[i] for i in (number, *others)]),
         SCENE.intrinsics,
         lens=lens,
@@ -60,6 +62,25 @@ def test_each_frame_gets_what_its_neighbours_saw(shot):
     record = json.loads((shot / "out" / "0002.exr.json").read_text())
     assert record["layers"] > 1
     assert [one["color"][-8:] for one in record["neighbours"]] == ["0001.exr", "0003.exr"]
+
+
+def test_depth_is_refined_before_layers_are_made(shot, monkeypatch):
+    for i, one in enumerate(POSES):
+        color, depth = SCENE.pinhole(one)
+        soft = 1.0 / gaussian_filter(1.0 / depth, 2.0)
+        io.write_image(shot / f"{i:04}.exr", color.astype(np.float32), depth=soft)
+    made = []
+    original = dofsim.Scene
+    monkeypatch.setattr(
+        dofsim, "Scene", lambda *given, **words: made.append(words) or original(*given, **words)
+    )
+    wanted = [replace(one, options={"refine": True}) for one in frames(shot)]
+    [result] = map_frames(with_neighbours(wanted, CAMERAS, 2)[2:3])
+    assert result.status == "written", result
+    picture = io.read_color(shot / "out" / "0002.exr").pixels
+    np.testing.assert_array_equal(picture, expected(shot, 2, (1, 3), dofsim.refine_depth))
+    # One scene, of the layers.
+    assert len(made) == 1
 
 
 def test_pictures_are_read_once_and_few_are_kept(shot, monkeypatch):

@@ -258,6 +258,30 @@ def test_lamps_of_a_coarse_map_come_back():
         assert sharp[80, 140] == pytest.approx(0.7, abs=0.1)
 
 
+def rails(half_px):
+    """Draw rails before a wall, and a map of a quarter of the size."""
+    rail = np.abs((X - 0.1 * Y) % 40 - 13) < half_px
+    color = np.where(rail[..., None], np.array([0.8, 0.5, 0.2]), 0.3 * np.ones(3)).astype(np.float32)
+    return rail, color, quarter(np.where(rail, 0.9, 0.2))
+
+
+def test_rails_as_thin_as_pixels_of_a_coarse_map_are_about_as_near_as_they_are():
+    """No pixel of the map has the depth of a rail of 5 px: each is a mean over 4, and enlarging mixes two."""
+    rail, color, coarse = rails(2.5)
+    given = np.median(enlarged(coarse)[rail])
+    sharp = dofsim.refine_depth(color, coarse.astype(np.float32), depth_kind="disparity")
+    assert given < 0.67
+    assert np.median(sharp[rail]) > 0.74
+    assert np.median(sharp[~rail]) == pytest.approx(0.2, abs=0.01)
+
+
+def test_what_is_too_thin_to_be_shrunk_does_not_vanish():
+    """A soft map makes a rail of 2 px wider than the picture shows it, and of it nothing would be left."""
+    rail, color, coarse = rails(1.0)
+    sharp = dofsim.refine_depth(color, coarse.astype(np.float32), depth_kind="disparity")
+    assert np.median(sharp[rail]) > 0.4
+
+
 def test_one_range_for_a_sequence_keeps_what_has_not_moved():
     depth = exact()
     near = depth.copy()

@@ -180,6 +180,18 @@ def test_what_does_not_fit_is_never_worse_than_one_layer(kind):
     assert found > single - 0.2, (kind, single, found)
 
 
+def test_colours_tell_a_wrong_pose_where_silhouettes_do_not():
+    """A rail across the picture, whose edges are where they were when a camera is turned along it."""
+    scene = Cards([WALL, Card((0.0, 0.0, 1.0), (9.0, 0.1), flat(0.2, 0.3, 0.4))])
+    poses = np.stack([pose(), pose(0.0, -0.05), pose(0.0, 0.05)])
+    colors, depths = seen(scene, poses)
+    layers, _ = layered(colors, depths, poses)
+    assert (layers[1, ..., 3] > 0.0).sum() > 300
+    # Two degrees are 3.5 pixels.
+    turned = np.stack([poses[0], *(one @ pose(turn=2.0) for one in poses[1:])])
+    assert len(layered(colors, depths, turned)[0]) == 1
+
+
 def test_a_mirror_is_never_worse_than_one_layer():
     scene = Cards([WALL, NEAR, Card(MIDDLE.centre, MIDDLE.half, mirrored, MIDDLE.slope)])
     colors, depths = seen(scene)

@@ -712,6 +712,7 @@ def layers_from_views(
     overscan: int = 0,
     supersample: int = 1,
     threads: int | None = None,
+    flow: NDArray[np.floating[Any]] | Sequence[NDArray[np.floating[Any]] | None] | None = None,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
 def restore_highlights(
     color: NDArray[np.floating[Any]] | NDArray[np.integer[Any]],

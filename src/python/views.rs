@@ -1,15 +1,16 @@
 //! `dofsim.layers_from_views`.
 
 use super::argument;
-use super::color::{ColorFormat, color_shape, read_format, read_layer_color};
+use super::color::{color_shape, read_format, read_layer_color};
 use super::depth::{DepthArguments, DepthPlanes, read_depth, read_depth_arguments, read_invalid};
 use super::errors::shown;
 use super::invalid_color::read_invalid_color;
 use super::lens::PyLens;
 use super::output_grid::OutputGrid;
 use super::run::detached;
-use super::samples::array;
+use super::samples::{array, in_order, sample_type, view, with_sample_type};
 use crate::cancel::Cancel;
+use crate::color::Sample;
 use crate::depth::{DepthKind, Invalid, Rays, disparity_plane};
 use crate::error::Result;
 use crate::memory::Buffer;
@@ -46,6 +47,11 @@ use pyo3::prelude::*;
 ///     The lens through which the layers are to be seen. What it cannot see is left out, which saves time.
 /// depth_kind, near, far, invalid, invalid_color, alpha, transfer, overscan, supersample, threads
 ///     As in `render`; no relative depth.
+/// flow : ndarray or sequence, optional
+///     Motion vectors of things that move, N of shape (H, W, 2), or None for a picture without. At a pixel of a picture, how
+///     many pixels to the right and down the point that is seen there is away from it in the reference's picture. That is
+///     what renderers write as motion vectors, and what optical flow from the picture to the reference is: the motion of
+///     the camera is part of it. Where both are 0 or one is NaN, what is seen stands still. Those of the reference are not used.
 ///
 /// Returns
 /// -------
@@ -68,6 +74,10 @@ use pyo3::prelude::*;
 /// the reference or most other views is not used: things that have moved, poses or depths that do not fit. What nobody
 /// has seen, `render` fills as ever. The order of the other views does not matter.
 ///
+/// Without `flow`, what moves contradicts the reference, and is not used. With it, a point is carried to where it is when the
+/// reference is taken, at the distance that it had: what comes nearer meanwhile is still not used. A camera that stands still
+/// needs `lens`, too.
+///
 /// Examples
 /// --------
 /// A card before a wall, and the same from 0.1 m to the right.
@@ -86,7 +96,8 @@ use pyo3::prelude::*;
 /// ((2, 64, 96, 4), array([1., 2.], dtype=float32))
 #[pyfunction]
 #[pyo3(signature = (colors, depths, poses, intrinsics, *, reference=0, layers=4, lens=None, depth_kind="z", near=None,
-    far=None, invalid="raise", invalid_color="raise", alpha=None, transfer=None, overscan=0, supersample=1, threads=None))]
+    far=None, invalid="raise", invalid_color="raise", alpha=None, transfer=None, overscan=0, supersample=1, threads=None,
+    flow=None))]
 #[expect(clippy::too_many_arguments, reason = "the public function's own, keyword-only in Python")]
 pub fn layers_from_views<'py>(
     py: Python<'py>,
@@ -107,6 +118,7 @@ pub fn layers_from_views<'py>(
     #[pyo3(from_py_with = argument::overscan)] overscan: usize,
     #[pyo3(from_py_with = argument::supersample)] supersample: usize,
     #[pyo3(from_py_with = argument::threads)] threads: Option<usize>,
+    flow: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
     let kind = read_depth_arguments(&DepthArguments { depth_kind, near, far, depth_range: None })?;
     if matches!(kind, DepthKind::Disparity | DepthKind::Relative | DepthKind::RelativeBetween { .. }) {
@@ -124,11 +136,13 @@ pub fn layers_from_views<'py>(
     if count == 0 {
         return Err(PyValueError::new_err("colors must hold at least one picture; got none"));
     }
-    if depths.len() != count {
-        return Err(PyValueError::new_err(format!(
-            "depths must be as many as colors, {count}; got {}",
-            depths.len()
-        )));
+    let flow = flow.map(|flow| items("flow", flow)).transpose()?;
+    for (name, items) in [("depths", Some(&depths)), ("flow", flow.as_ref())] {
+        if let Some(given) = items.map(Vec::len).filter(|given| *given != count) {
+            return Err(PyValueError::new_err(format!(
+                "{name} must be as many as colors, {count}; got {given}"
+            )));
+        }
     }
     if reference >= count {
         return Err(PyValueError::new_err(format!(
@@ -139,17 +153,16 @@ pub fn layers_from_views<'py>(
     let (poses, intrinsics) =
         (matrices("poses", poses, 4, count)?, matrices("intrinsics", intrinsics, 3, count)?);
 
-    let mut frames: Vec<(Buffer<f32>, DepthPlanes, Camera)> = Vec::with_capacity(count);
-    let (size, format) = {
-        let array = array("color", &colors[0]).map_err(|error| of_item(py, error, 0))?;
-        let shape = color_shape(array.shape()).map_err(|error| of_item(py, error, 0))?;
-        let format = read_format(&array, &shape, alpha, transfer).map_err(|error| of_item(py, error, 0))?;
-        (shape.size, format)
-    };
+    let mut frames = Vec::with_capacity(count);
+    // Of the first picture: its size, and how many channels hold light.
+    let mut first = None;
     for (i, (color, depth)) in colors.iter().zip(&depths).enumerate() {
         let named = |error: PyErr| of_item(py, error, i);
         let array = array("color", color).map_err(named)?;
         let shape = color_shape(array.shape()).map_err(named)?;
+        // Each picture may have samples of its own type.
+        let format = read_format(&array, &shape, alpha, transfer).map_err(named)?;
+        let (size, _) = *first.get_or_insert_with(|| (shape.size, format.lights(shape.size)));
         if shape.layers > 1 || shape.size.channels == 2 {
             return Err(PyValueError::new_err(format!(
                 "colors[{i}] must have one layer and 1, 3 or 4 channels; got shape {:?}",
@@ -163,9 +176,8 @@ pub fn layers_from_views<'py>(
                 sized(shape.size)
             )));
         }
-        // Each picture may have samples of its own type.
-        let own = read_format(&array, &shape, alpha, transfer).map_err(named)?;
-        let (planes, _, filled) = read_layer_color(&array, &shape, 0, &own, invalid_color).map_err(named)?;
+        let (color, _, filled) =
+            read_layer_color(&array, &shape, 0, &format, invalid_color).map_err(named)?;
         if let Some(filled) = filled {
             filled.warn(py, size)?;
         }
@@ -177,13 +189,16 @@ pub fn layers_from_views<'py>(
             )));
         }
         let camera = camera(&poses[16 * i..][..16], &intrinsics[9 * i..][..9], i, count)?;
-        frames.push((planes, depth, camera));
+        let given = flow.as_ref().map(|flow| &flow[i]).filter(|flow| !flow.is_none());
+        let flow = given.map(|flow| read_flow(&format!("flow[{i}]"), flow, size)).transpose()?;
+        frames.push(Taken { color, depth, flow, camera });
     }
+    let (size, lights) = first.expect("there is at least one picture");
     let lens_k = lens.map(|lens| lens_strength(lens, size, overscan, supersample)).transpose()?;
 
-    let given_z = frames[reference].1.planes[0].clone();
+    let given_z = frames[reference].depth.planes[0].clone();
     let (color, depth, found) = detached(py, threads, |cancel| {
-        let views = views(frames, size, &format, reference, kind, invalid)?;
+        let views = views(frames, (size, lights), reference, kind, invalid)?;
         if let Some(i) = axes::of_opengl(&views, cancel)? {
             return Err(crate::error::Error::Value(format!(
                 "poses[{i}] is in the axes of OpenGL or Blender (x right, y up, z backward): with them the pictures fit \
@@ -199,6 +214,39 @@ pub fn layers_from_views<'py>(
     let color = PyArray1::from_vec(py, color).reshape([found, size.height, size.width, 4])?;
     let depth = PyArray1::from_vec(py, depth).reshape([found, size.height, size.width])?;
     Ok((color.into_any(), depth.into_any()))
+}
+
+/// What was given of one picture.
+struct Taken {
+    color: Buffer<f32>,
+    depth: DepthPlanes,
+    flow: Option<[Buffer<f32>; 2]>,
+    camera: Camera,
+}
+
+/// Reads motion vectors, as planes.
+fn read_flow(name: &str, given: &Bound<'_, PyAny>, size: Size) -> PyResult<[Buffer<f32>; 2]> {
+    let array = &array(name, given)?;
+    let sample_type = sample_type(name, array, false)?;
+    if *array.shape() != [size.height, size.width, 2] {
+        return Err(PyValueError::new_err(format!(
+            "{name} must have two values for each pixel of colors, shape ({}, {}, 2); got {:?}",
+            size.height,
+            size.width,
+            array.shape()
+        )));
+    }
+    let vectors = with_sample_type!(sample_type, T => self::view::<T, _>(array, |view| {
+        in_order(&view, |v: &[T]| Buffer::of_each(v, |v| v.to_code()))
+    }))??;
+    if let Some(i) = vectors.iter().position(|v| v.is_infinite()) {
+        let (x, y) = (i / 2 % size.width, i / 2 / size.width);
+        return Err(PyValueError::new_err(format!(
+            "{name} must be finite, or NaN where no motion is known; got {} at pixel ({x}, {y})",
+            vectors[i]
+        )));
+    }
+    Ok([0, 1].map(|c| vectors.iter().skip(c).step_by(2).copied().collect()))
 }
 
 /// The items of a sequence, or of an array along its first axis.
@@ -319,14 +367,13 @@ fn lens_strength(lens: &PyLens, size: Size, overscan: usize, supersample: usize)
 
 /// The pictures with their disparities.
 fn views(
-    frames: Vec<(Buffer<f32>, DepthPlanes, Camera)>,
-    size: Size,
-    format: &ColorFormat,
+    frames: Vec<Taken>,
+    (size, lights): (Size, usize),
     reference: usize,
     kind: DepthKind,
     invalid: Invalid,
 ) -> Result<Views> {
-    let views = frames.into_iter().enumerate().map(|(i, (color, depth, camera))| {
+    let views = frames.into_iter().enumerate().map(|(i, Taken { color, depth, flow, camera })| {
         let [[fx, skew, cx], [_, fy, cy], _] = camera.intrinsics;
         if kind.needs_rays() && ((fx - fy).abs() > 1e-6 * fx || skew != 0.0) {
             return Err(crate::error::Error::Value(format!(
@@ -340,10 +387,10 @@ fn views(
             crate::error::Error::Value(text) => crate::error::Error::Value(format!("depths[{i}]: {text}")),
             other => other,
         })?;
-        Ok(View { color, channels: size.channels, disparity, camera })
+        Ok(View { color, channels: size.channels, disparity, flow, camera })
     });
     let views = views.collect::<Result<Vec<_>>>()?;
-    Ok(Views { size, lights: format.lights(size), views, reference })
+    Ok(Views { size, lights, views, reference })
 }
 
 /// Colour and depth in layers, interleaved.

@@ -6,6 +6,7 @@
 //! lamp's light is drawn with the circle of confusion of that depth.
 
 use super::plane::{Plane, Tile, fade};
+use super::spread::{Local, Spread};
 use super::steps::{Edges, LEAST_CONTRAST, Steps, margin_px, steps};
 use crate::cancel::Cancel;
 use crate::error::Result;
@@ -85,24 +86,6 @@ struct Blur {
     reach: usize,
 }
 
-/// What became of sharp depth.
-#[derive(Clone, Copy)]
-enum Spread {
-    /// It was blurred by something like a Gaussian of this standard deviation.
-    Gaussian(f32),
-    /// It was averaged over squares of so many pixels, and enlarged.
-    Blocks(usize),
-}
-
-impl Spread {
-    fn of(self, plane: &Plane) -> Plane {
-        match self {
-            Spread::Gaussian(sigma) => plane.blurred(sigma),
-            Spread::Blocks(side) => plane.averaged(side).resized(plane.width, plane.height),
-        }
-    }
-}
-
 /// The depth of lamps put into that of steps.
 fn with_lamps(depth: &Plane, plain: &Plane, lamps: &Plane, blur: Blur, range: f32, ends: [f32; 2]) -> Plane {
     let Blur { width_px, spread, reach } = blur;
@@ -121,11 +104,17 @@ fn with_lamps(depth: &Plane, plain: &Plane, lamps: &Plane, blur: Blur, range: f3
 
     let peaks = blurred_lamps.maxima(HOLE);
     let mut behind = without(plain, &holes);
+    // The contrast of each lamp, and the same on its pixels alone.
+    let mut known = depth.like(|_, out| out.fill(0.0));
+    let mut lit = known.clone();
     for round in 1.. {
-        let unexplained = depth.with(&spread.of(&behind), |depth, explained| depth - explained);
-        // What is unexplained is a lamp's contrast times its blurred coverage: least squares, locally.
+        let by_lamps = depth.with(&spread.of(&behind), |depth, explained| depth - explained);
+        // What is unexplained is a lamp's contrast times its blurred coverage: least squares, locally, for what the lamps beside
+        // it leave.
+        let unexplained = by_lamps.with(&spread.of(&lit), |all, explained| all - explained);
         let contrast = local.covariance(&unexplained).with(&own, |shared, own| shared / (own + 1e-6));
-        let trust = local.correlation(&unexplained);
+        let contrast = contrast.with(&known, |more, known| known + more);
+        let trust = local.correlation(&by_lamps);
         let contrast = contrast.with(&trust, |contrast, trust| contrast * fade(trust, TRUST[0], TRUST[1]));
         // What is left of a lamp in the map has to stand out of the map's own rounding.
         let left = contrast.with(&peaks, |contrast, peak| contrast.abs() * peak / range);
@@ -133,7 +122,7 @@ fn with_lamps(depth: &Plane, plain: &Plane, lamps: &Plane, blur: Blur, range: f3
         // One contrast a lamp.
         let contrast = contrast.with(lamps, |contrast, lamp| contrast * lamp).blurred(1.0);
         let contrast = contrast.with(&shares, |sum, share| sum / share.max(1e-4));
-        let lit = contrast.with(&solid, |contrast, lamp| contrast * lamp);
+        lit = contrast.with(&solid, |contrast, lamp| contrast * lamp);
         if round == ROUNDS {
             let whole = lamps.with(&contrast, |lamp, contrast| if lamp > 0.5 { contrast } else { 0.0 });
             // No lamp is nearer than all that is near.
@@ -144,37 +133,9 @@ fn with_lamps(depth: &Plane, plain: &Plane, lamps: &Plane, blur: Blur, range: f3
         }
         let rest = depth.with(&spread.of(&lit), |depth, lamps| depth - lamps);
         behind = without(&steps(&rest, width_px, range).depth, &holes);
+        known = contrast;
     }
     unreachable!("the rounds are counted")
-}
-
-/// Local statistics of planes and of one that they are compared with.
-struct Local<'a> {
-    probe: &'a Plane,
-    mean: Plane,
-    window_px: f32,
-}
-
-impl Local<'_> {
-    fn new(probe: &Plane, window_px: f32) -> Local<'_> {
-        Local { probe, mean: probe.blurred(window_px), window_px }
-    }
-
-    /// The covariance of a plane with the probe.
-    fn covariance(&self, plane: &Plane) -> Plane {
-        let products = plane.with(self.probe, |a, b| a * b).blurred(self.window_px);
-        let means = plane.blurred(self.window_px).with(&self.mean, |a, b| a * b);
-        products.with(&means, |product, means| product - means)
-    }
-
-    /// The squared correlation of a plane with the probe.
-    fn correlation(&self, plane: &Plane) -> Plane {
-        let mean = plane.blurred(self.window_px);
-        let square = plane.with(plane, |a, b| a * b).blurred(self.window_px);
-        let variance = square.with(&mean, |square, mean| square - mean * mean);
-        let variances = variance.with(&self.covariance(self.probe), |a, b| a * b);
-        self.covariance(plane).with(&variances, |shared, both| shared * shared / both.max(1e-20))
-    }
 }
 
 /// The standard deviation of the blur by which sharp depth becomes the given one, if there are lamps: among several

@@ -2,11 +2,13 @@
 //!
 //! Everything here works on disparity, in which a lens's blur is linear, and on no scale of it in particular.
 
+mod heights;
 mod lamps;
 mod noise;
 mod plane;
 mod registration;
 mod softness;
+mod spread;
 mod steps;
 
 pub use plane::{Plane, fade};
@@ -147,8 +149,14 @@ fn at(depth: &Plane, light: &Plane, width_px: f32, map: Map, cancel: &Cancel) ->
     if strength <= 0.0 {
         return Ok(sharp);
     }
-    let Steps { depth, edges } =
+    let Steps { depth: steps, edges } =
         lamps::steps_and_lamps(depth, light, width_px, map.range, map.blocks, cancel)?;
+    // Of another blur than that of squares, too little is known.
+    let depth = match map.blocks {
+        1 => steps,
+        side => heights::explained(depth, &steps, side, width_px, map.range),
+    };
+    cancel.check()?;
     let found = Refined { depth, edges: Some(edges), width_px };
     Ok(if strength < 1.0 { sharp.mixed(&found, strength) } else { found })
 }

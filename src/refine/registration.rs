@@ -228,12 +228,28 @@ impl Misfit {
     }
 
     /// Sharp depth whose nearer surfaces are as large as the picture shows them, if they are not already.
+    ///
+    /// What would vanish stays as it is: of a twig that a soft map has widened, both are seen to be too large.
     pub fn shrunk(&self, depth: &Plane) -> Option<Plane> {
         let radius = self.growth.abs().round() as usize;
-        match radius {
-            0 => None,
-            _ if self.growth > 0.0 => Some(depth.minima(radius)),
-            _ => Some(depth.maxima(radius)),
-        }
+        let (out, wide) = match radius {
+            0 => return None,
+            _ if self.growth > 0.0 => {
+                let out = depth.minima(radius);
+                let wide = out.maxima(2 * radius + 1);
+                (out, wide)
+            }
+            _ => {
+                let out = depth.maxima(radius);
+                let wide = out.minima(2 * radius + 1);
+                (out, wide)
+            }
+        };
+        // By how much what is there is nearer, or farther, than all that is left around it.
+        let lost = depth.with(&wide, |depth, wide| match self.growth > 0.0 {
+            true => (depth - wide).max(0.0),
+            false => (depth - wide).min(0.0),
+        });
+        Some(out.with(&lost, |out, lost| out + lost))
     }
 }

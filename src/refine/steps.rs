@@ -65,7 +65,8 @@ pub fn margin_px(width_px: f32) -> usize {
     2 * reach_px(width_px) + 2
 }
 
-fn reach_px(width_px: f32) -> usize {
+/// How far away a ramp may end.
+pub fn reach_px(width_px: f32) -> usize {
     width_px.ceil().max(2.0) as usize
 }
 

@@ -19,6 +19,12 @@ impl DepthMap<'_> {
         inside.then(|| y as usize * self.width + x as usize)
     }
 
+    /// The place of a pixel: its centre has whole coordinates.
+    #[inline(always)]
+    pub fn place(&self, index: usize) -> (f64, f64) {
+        ((index % self.width) as f64, (index / self.width) as f64)
+    }
+
     /// The indices of the 3 x 3 pixels around one, those in the frame.
     pub fn around(&self, index: usize) -> impl Iterator<Item = usize> + use<> {
         let (x, y, width, height) = (index % self.width, index / self.width, self.width, self.height);

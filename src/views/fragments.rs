@@ -4,7 +4,8 @@
 //! reference, so that a surface has neither holes nor doubled rims however it is stretched or squeezed.
 
 use super::depth_map::{DepthMap, another};
-use super::source::{Evidence, Source, Strip};
+use super::evidence::Evidence;
+use super::source::{Source, Strip};
 use crate::scene::edges::{DOWN, EDGE, RIGHT};
 use std::ops::Range;
 
@@ -15,6 +16,8 @@ pub struct Fragment {
     pub disparity: f32,
     /// How far two fragments of one surface may be apart in disparity.
     pub tolerance: f32,
+    /// Whether it was elsewhere when the view was taken.
+    pub moved: bool,
     /// How well the view sees it: pixels of the view to one of the reference, at most 1, times how far it is trusted.
     pub weight: f32,
     pub color: [f32; 4],
@@ -28,6 +31,7 @@ struct Corner {
     disparity: f32,
     trust: f32,
     hidden: bool,
+    moved: bool,
     color: [f32; 4],
 }
 
@@ -51,7 +55,7 @@ pub fn draw(source: &Source, canvas: &Canvas, out: &mut Vec<Fragment>) {
 
 /// The corners of a strip: two rows.
 fn corners(source: &Source, strip: &Strip, rows: &mut [Vec<Option<Corner>>; 2]) {
-    let DepthMap { width, disparity, .. } = source.depth;
+    let width = source.depth.width;
     for (row, out) in rows.iter_mut().enumerate() {
         let y = strip.row + row;
         out.clear();
@@ -60,13 +64,14 @@ fn corners(source: &Source, strip: &Strip, rows: &mut [Vec<Option<Corner>>; 2]) 
             if source.connectivity[index] & EDGE != 0 || source.evidence[index] == Evidence::Contradicts {
                 return None;
             }
-            let seen = source.to_reference.at(x as f64, y as f64, f64::from(disparity[index]))?;
+            let seen = source.to_reference.at(index)?;
             Some(Corner {
                 x: seen.x as f32,
                 y: seen.y as f32,
                 disparity: seen.disparity as f32,
                 trust: source.trust(x, y),
                 hidden: source.evidence[index] == Evidence::Hidden,
+                moved: source.to_reference.has_moved(index),
                 color: source.view.color_at(index),
             })
         }));
@@ -148,6 +153,7 @@ fn draw_piece(source: &Source, [a, b, c]: [Corner; 3], canvas: &Canvas, out: &mu
                     index,
                     disparity,
                     tolerance: 1.0 / source.k,
+                    moved: a.moved || b.moved || c.moved,
                     weight,
                     color: std::array::from_fn(|i| wa * a.color[i] + wb * b.color[i] + wc * c.color[i]),
                 });

@@ -3,6 +3,7 @@
 use super::depth_map::{DepthMap, SAME_PX};
 use super::fragments::Fragment;
 use super::source::Source;
+use super::view::AGREES;
 use std::cmp::Ordering;
 
 /// A hidden surface at a pixel of the reference.
@@ -34,10 +35,6 @@ pub fn surfaces(fragments: &[Fragment]) -> impl Iterator<Item = &[Fragment]> {
         a.index == b.index && a.disparity - b.disparity <= SAME_PX * a.tolerance.max(b.tolerance)
     })
 }
-
-/// Colours that differ by no more than this part of them agree: what noise and resampling leave between two pictures of
-/// one thing.
-const AGREES: f32 = 1.0 / 32.0;
 
 /// The squared distance of the light of two colours.
 fn distance2(a: &[f32; 4], b: &[f32; 4], lights: usize) -> f32 {

@@ -1,15 +1,18 @@
 //! Layers behind a picture, of what other views of the scene saw: neighbouring frames, a stereo pair, a light field.
 //!
-//! In the order of the work: [`camera`] maps pixels of one view to another, [`source`] finds the pixels of a view that see
-//! what the reference does not, and how far they are to be trusted, [`fragments`] resamples them onto the reference's pixels,
-//! and [`merge`] makes surfaces of them.
+//! In the order of the work: [`camera`] maps pixels of one view to another, and [`motion`] carries along what moves.
+//! [`source`] finds the pixels of a view that see what the reference does not, and [`trust`] says how far they are to be
+//! trusted. [`fragments`] resamples them onto the reference's pixels, and [`merge`] makes surfaces of them.
 
 pub mod axes;
 pub mod camera;
 mod depth_map;
+mod evidence;
 mod fragments;
 mod merge;
+mod motion;
 mod source;
+mod trust;
 mod view;
 
 use crate::cancel::Cancel;
@@ -49,9 +52,10 @@ pub fn hidden(views: &Views, settings: &Settings, cancel: &Cancel) -> Result<Vec
         // Parallax of a baseline is the blur of a lens as large: both are a shift by the disparity.
         let parallax = view.camera.baseline(&reference.camera) * reference.camera.focal_px();
         let k = settings.lens_k.map_or(parallax, |lens| lens.max(parallax));
-        if i != views.reference && parallax > 0.0 {
+        // From one place all is seen alike, but for what moves.
+        if i != views.reference && (parallax > 0.0 || (view.flow.is_some() && k > 0.0)) {
             let map = DepthMap { width, height, disparity: &view.disparity };
-            sources.push(Source::new(view, reference, (map, seen), k as f32, cancel)?);
+            sources.push(Source::new(view, reference, (map, seen), (k as f32, views.lights), cancel)?);
         }
     }
     let in_reach = InReach::new(&seen, settings.lens_k);
@@ -64,8 +68,13 @@ pub fn hidden(views: &Views, settings: &Settings, cancel: &Cancel) -> Result<Vec
         sources.iter().for_each(|source| fragments::draw(source, &canvas, &mut fragments));
         merge::sort(&mut fragments);
         let mut layers = vec![Vec::new(); settings.surfaces];
-        let cells = merge::surfaces(&fragments).map(|surface| merge::merged(surface, views.lights));
-        for cell in cells.filter(|cell| merge::is_there(cell, &seen, &sources)) {
+        let cells = merge::surfaces(&fragments).filter_map(|surface| {
+            let cell = merge::merged(surface, views.lights);
+            // What moves was elsewhere when the others looked.
+            let moved = surface.iter().any(|fragment| fragment.moved);
+            (moved || merge::is_there(&cell, &seen, &sources)).then_some(cell)
+        });
+        for cell in cells {
             let is_free =
                 |layer: &&mut Vec<Cell>| layer.last().is_none_or(|last: &Cell| last.index < cell.index);
             if let Some(layer) = layers.iter_mut().find(is_free) {

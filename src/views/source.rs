@@ -1,30 +1,18 @@
-//! One of the other views: which of its pixels see what the reference does not, and how far they are to be trusted.
+//! One of the other views: which of its pixels see what the reference does not.
 
 use super::camera::Warp;
 use super::depth_map::{DepthMap, SAME_PX};
+use super::evidence::Evidence;
+use super::motion::ToReference;
+use super::trust::{Fit, Trust};
 use super::view::View;
 use crate::cancel::Cancel;
 use crate::error::Result;
-use crate::memory::Buffer;
-use crate::scene::edges::{self, EDGE};
+use crate::scene::edges::EDGE;
 use crate::scene::grid::BLOCK;
 use rayon::prelude::*;
 use std::ops::Range;
-use std::sync::atomic::{AtomicU32, Ordering};
-
-/// What is known of a pixel of a view from the reference.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Evidence {
-    /// Nothing: it lies beyond the border of the reference, or beside a silhouette.
-    None,
-    /// The reference sees the same surface.
-    Agrees,
-    /// The reference sees something nearer, which does not hide it from this view.
-    Hidden,
-    /// The reference has seen through this place, or sees something there that this view has not seen.
-    Contradicts,
-}
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 /// Two rows of a view between which surfaces are that the reference does not see.
 pub struct Strip {
@@ -39,12 +27,12 @@ pub struct Strip {
 pub struct Source<'a> {
     pub view: &'a View,
     pub depth: DepthMap<'a>,
-    pub to_reference: Warp,
+    pub to_reference: ToReference<'a>,
     pub from_reference: Warp,
     /// Pixels by which things are displaced against the reference, or blurred by the lens if that is more, to a unit of
     /// disparity.
     pub k: f32,
-    /// See [`edges::connectivity`].
+    /// See [`ToReference::connectivity`].
     pub connectivity: Vec<u8>,
     pub evidence: Vec<Evidence>,
     pub strips: Vec<Strip>,
@@ -56,17 +44,17 @@ impl<'a> Source<'a> {
         view: &'a View,
         reference: &View,
         (map, seen): (DepthMap<'a>, DepthMap<'a>),
-        k: f32,
+        (k, lights): (f32, usize),
         cancel: &Cancel,
     ) -> Result<Source<'a>> {
-        let to_reference = Warp::between(&view.camera, &reference.camera);
+        let warp = Warp::between(&view.camera, &reference.camera);
+        let to_reference = ToReference::new(map, warp, view.flow.as_ref());
         let from_reference = Warp::between(&reference.camera, &view.camera);
-        let s = Buffer::of_each(map.disparity, |d| k * d);
-        let connectivity = edges::connectivity(&s, map.width, map.height);
-        drop(s);
-        let nearest = nearest_of_reference(&seen, &map, &from_reference, cancel)?;
+        let connectivity = to_reference.connectivity(k);
+        let nearest = nearest_of_reference((&map, &seen), &from_reference, (&to_reference, k), cancel)?;
         let (evidence, votes) = evidence((&map, &seen), &nearest, &connectivity, (&to_reference, k), cancel)?;
-        let trust = Trust::new(&votes, map.width.div_ceil(BLOCK));
+        let fit = Fit { map, to_reference: &to_reference, colors: (view, reference), lights };
+        let trust = Trust::new(&votes, &fit.of_blocks(&evidence, cancel)?, map.width.div_ceil(BLOCK));
         let strips = strips(&map, &evidence, &to_reference);
         Ok(Source {
             view,
@@ -87,22 +75,45 @@ impl<'a> Source<'a> {
     }
 }
 
-/// The nearest surface of the reference at each pixel of a view; 0 where there is none.
+/// The nearest surface of the reference at each pixel of a view; 0 where there is none. What moves is where it was when the
+/// view was taken.
 ///
 /// The order of disparities that are not negative is that of their bits.
 fn nearest_of_reference(
-    seen: &DepthMap,
-    map: &DepthMap,
+    (map, seen): (&DepthMap, &DepthMap),
     from_reference: &Warp,
+    (to_reference, k): (&ToReference, f32),
     cancel: &Cancel,
 ) -> Result<Vec<f32>> {
     let nearest: Vec<AtomicU32> = (0..map.disparity.len()).map(|_| AtomicU32::new(0)).collect();
+    let put = |index: usize, d: f32| {
+        nearest[index].fetch_max(d.to_bits(), Ordering::Relaxed);
+    };
+    let moved = if to_reference.carries() { seen.disparity.len() } else { 0 };
+    let moved: Vec<AtomicBool> = (0..moved).map(|_| AtomicBool::new(false)).collect();
+    if to_reference.carries() {
+        // What both see and has moved tells where it was.
+        (0..map.disparity.len()).into_par_iter().filter(|i| to_reference.has_moved(*i)).for_each(|i| {
+            let found = to_reference.at(i).and_then(|s| Some((s.disparity as f32, seen.pixel_at(s.x, s.y)?)));
+            let Some((d, at)) = found else { return };
+            let is_same = |at: usize| seen.behind_px(at, d, k).abs() <= SAME_PX;
+            if is_same(at) {
+                put(i, map.disparity[i]);
+                seen.around(at)
+                    .filter(|at| is_same(*at))
+                    .for_each(|at| moved[at].store(true, Ordering::Relaxed));
+            }
+        });
+    }
     seen.disparity.par_chunks(seen.width).enumerate().try_for_each(|(y, row)| {
         cancel.check()?;
         for (x, &d) in row.iter().enumerate() {
+            if moved.get(y * seen.width + x).is_some_and(|moved| moved.load(Ordering::Relaxed)) {
+                continue;
+            }
             let found = from_reference.at(x as f64, y as f64, f64::from(d));
             if let Some((found, index)) = found.and_then(|s| Some((s, map.pixel_at(s.x, s.y)?))) {
-                nearest[index].fetch_max((found.disparity as f32).to_bits(), Ordering::Relaxed);
+                put(index, found.disparity as f32);
             }
         }
         Ok(())
@@ -115,16 +126,16 @@ fn evidence(
     (map, seen): (&DepthMap, &DepthMap),
     nearest: &[f32],
     connectivity: &[u8],
-    (to_reference, k): (&Warp, f32),
+    (to_reference, k): (&ToReference, f32),
     cancel: &Cancel,
 ) -> Result<(Vec<Evidence>, Vec<[u32; 2]>)> {
     let of_pixel = |index: usize| {
-        let (x, y, d) = (index % map.width, index / map.width, map.disparity[index]);
+        let d = map.disparity[index];
         if connectivity[index] & EDGE != 0 {
             return Evidence::None;
         }
-        let found = to_reference.at(x as f64, y as f64, f64::from(d));
-        let Some((found, at)) = found.and_then(|s| Some((s, seen.pixel_at(s.x, s.y)?))) else {
+        let Some((found, at)) = to_reference.at(index).and_then(|s| Some((s, seen.pixel_at(s.x, s.y)?)))
+        else {
             return Evidence::None;
         };
         let d_seen = found.disparity as f32;
@@ -171,7 +182,7 @@ fn evidence(
 }
 
 /// The pairs of rows with hidden pixels.
-fn strips(map: &DepthMap, evidence: &[Evidence], to_reference: &Warp) -> Vec<Strip> {
+fn strips(map: &DepthMap, evidence: &[Evidence], to_reference: &ToReference) -> Vec<Strip> {
     let hidden = |row: usize| {
         let row = &evidence[row * map.width..][..map.width];
         let first = row.iter().position(|e| *e == Evidence::Hidden)?;
@@ -188,8 +199,7 @@ fn strips(map: &DepthMap, evidence: &[Evidence], to_reference: &Warp) -> Vec<Str
         let mut y = [f32::INFINITY, f32::NEG_INFINITY];
         for row in [row, row + 1] {
             for x in columns.clone() {
-                let d = f64::from(map.disparity[row * map.width + x]);
-                if let Some(seen) = to_reference.at(x as f64, row as f64, d) {
+                if let Some(seen) = to_reference.at(row * map.width + x) {
                     y = [y[0].min(seen.y as f32), y[1].max(seen.y as f32)];
                 }
             }
@@ -197,54 +207,4 @@ fn strips(map: &DepthMap, evidence: &[Evidence], to_reference: &Warp) -> Vec<Str
         Some(Strip { row, columns, y })
     };
     (0..map.height.saturating_sub(1)).into_par_iter().filter_map(strip).collect()
-}
-
-/// How far the pixels of a view are to be trusted.
-///
-/// Where the view and the reference do not fit together (something has moved, a pose is wrong, depth has another scale),
-/// silhouettes are displaced, and along them a strip as wide as the displacement contradicts.
-struct Trust {
-    across: usize,
-    of_block: Vec<f32>,
-}
-
-/// The strip of a displacement by one pixel is this part of the three by three blocks around, if a silhouette crosses
-/// them. That much may be, and three times as much may not.
-const DISPLACED: f32 = 1.0 / (3 * BLOCK) as f32;
-
-/// Where blocks know less than this many pixels, as a row of them, the whole view speaks for them.
-const FEW: f32 = BLOCK as f32;
-
-impl Trust {
-    fn new(votes: &[[u32; 2]], across: usize) -> Trust {
-        let down = votes.len() / across;
-        let sum = |all: &mut dyn Iterator<Item = [u32; 2]>| {
-            all.fold([0, 0], |[a, c], [agree, contradict]| [a + agree, c + contradict])
-        };
-        let [agree, contradict] = sum(&mut votes.iter().copied());
-        let whole = contradict as f32 / (agree + contradict).max(1) as f32;
-        let of_block = |i: usize| {
-            let (x, y) = (i % across, i / across);
-            let rows = y.saturating_sub(1)..(y + 2).min(down);
-            let columns = || x.saturating_sub(1)..(x + 2).min(across);
-            let mut around = rows.flat_map(|y| columns().map(move |x| votes[y * across + x]));
-            let [agree, contradict] = sum(&mut around);
-            let share = (contradict as f32 + FEW * whole) / ((agree + contradict) as f32 + FEW);
-            (1.5 - 0.5 * share / DISPLACED).clamp(0.0, 1.0)
-        };
-        Trust { across, of_block: (0..votes.len()).map(of_block).collect() }
-    }
-
-    /// Interpolated between the centres of the blocks.
-    fn at(&self, x: usize, y: usize) -> f32 {
-        let down = self.of_block.len() / self.across;
-        let along = |v: usize, n: usize| {
-            let place = ((v as f32 + 0.5) / BLOCK as f32 - 0.5).clamp(0.0, (n - 1) as f32);
-            (place as usize, (place as usize + 1).min(n - 1), place.fract())
-        };
-        let ((left, right, u), (top, bottom, v)) = (along(x, self.across), along(y, down));
-        let at = |x: usize, y: usize| self.of_block[y * self.across + x];
-        let row = |y: usize| (1.0 - u) * at(left, y) + u * at(right, y);
-        (1.0 - v) * row(top) + v * row(bottom)
-    }
 }

@@ -4,6 +4,10 @@ use super::camera::Camera;
 use crate::memory::Buffer;
 use crate::picture::Size;
 
+/// Colours that differ by no more than this part of them agree: what noise and resampling leave between two pictures of
+/// one thing.
+pub const AGREES: f32 = 1.0 / 32.0;
+
 /// One picture of a scene.
 pub struct View {
     /// Colour planes, linear and premultiplied.
@@ -12,6 +16,9 @@ pub struct View {
     pub channels: usize,
     /// The inverse of `z` at every pixel.
     pub disparity: Buffer<f32>,
+    /// By how many pixels, to the right and down, the point at every pixel is away from it in the picture of the reference
+    /// when that is taken; 0 or NaN where that is not known.
+    pub flow: Option<[Buffer<f32>; 2]>,
     /// What took it.
     pub camera: Camera,
 }

@@ -1,6 +1,7 @@
 """A scene from several places: the pinhole's own, points of the rim of the lens, neighbouring frames."""
 
 import hashlib
+import importlib
 import time
 from pathlib import Path
 
@@ -12,6 +13,9 @@ from .camera import Camera
 # Fewer samples than the fidelity table's, whose pictures are fewer; the reference's noise is taken off.
 PLAIN = Recipe(pinhole_spp=64, half_spp=256)
 TRACED = Recipe(pinhole_spp=100, half_spp=196, peel_spp=16, max_depth=4)
+# Scenes for views alone: a reflection in them, and what it shows.
+MIRRORS = {"mirror": Recipe(max_depth=3, uses=("balls",))}
+SCENES = RECIPES | MIRRORS
 
 
 def rim(count: int, radius: float) -> np.ndarray:
@@ -42,12 +46,22 @@ def intrinsics(width: int, height: int, fov: float = Camera.fov) -> np.ndarray:
     return np.array([[focal_px, 0, 0.5 * (width - 1)], [0, focal_px, 0.5 * (height - 1)], [0, 0, 1.0]])
 
 
+def _capture(name: str):
+    if name in RECIPES:
+        return load_capture(name)
+    # Mitsuba is imported only to render.
+    from .capture import Capture
+
+    module = importlib.import_module(f"{__package__}.{name}")
+    return Capture(module.shapes(), Camera(), MIRRORS[name].max_depth)
+
+
 def render_around(name: str, width: int, height: int) -> dict[str, np.ndarray]:
     """Render what the table needs: a reference with its layers, the other places, the thin lens's halves."""
     from dofsim.mitsuba._capture import averaged
 
     start = time.perf_counter()
-    capture, recipe = load_capture(name), TRACED if RECIPES[name].max_depth > 1 else PLAIN
+    capture, recipe = _capture(name), TRACED if SCENES[name].max_depth > 1 else PLAIN
     color = capture.pinhole(width, height, recipe.pinhole_spp, recipe.lamp_spp)
     layers_color, layers_depth = capture.peel(width, height, LAYERS, recipe.peel_spp)
     layers_color[0] = averaged(layers_color[0], layers_depth[0], color)
@@ -69,8 +83,8 @@ def render_around(name: str, width: int, height: int) -> dict[str, np.ndarray]:
 
 def load_around(name: str, width: int, height: int, folder: Path = CACHE) -> dict[str, np.ndarray]:
     """Read what `render_around` gives from the cache, rendering it first where that is missing or old."""
-    digest = hashlib.sha256(repr((RECIPES[name], PLAIN, TRACED, LAYERS)).encode())
-    for module in (name, *RECIPES[name].uses, "around", "camera", "capture", "shapes", "textures"):
+    digest = hashlib.sha256(repr((SCENES[name], PLAIN, TRACED, LAYERS)).encode())
+    for module in (name, *SCENES[name].uses, "around", "camera", "capture", "shapes", "textures"):
         digest.update((Path(__file__).parent / f"{module}.py").read_bytes())
     path = folder / f"around_{name}_{width}x{height}.npz"
     if path.exists():

@@ -178,10 +178,15 @@ def render(loaded: Loaded) -> Rendered:
     scene: dofsim.Scene | None = None
     # Before all else: the focus, the circle of confusion and the pictures are of the refined depth.
     if options.pop("refine", False):
-        scene = dofsim.Scene(color, depth, refine=True, **scene_words)
-        depth = scene.depth
-        given = {name: options[name] for name in _REFINING_WORDS if name in options}
-        others = [(one, dofsim.refine_depth(one, plane, alpha=alpha, **given)) for one, plane in others]
+        if others:
+            given = {name: options[name] for name in _REFINING_WORDS if name in options}
+            pictures = [(color, depth), *others]
+            (_, depth), *others = [
+                (one, dofsim.refine_depth(one, plane, alpha=alpha, **given)) for one, plane in pictures
+            ]
+        else:
+            scene = dofsim.Scene(color, depth, refine=True, **scene_words)
+            depth = scene.depth
         framed = framed and replace(framed, rgbd=replace(framed.rgbd, depth=depth))
     seen = depth if framed is None else framed.seen_depth(finer)
     found = dict(loaded.channels)
