@@ -30,7 +30,7 @@ const FEW: f32 = BLOCK as f32;
 /// what is displaced by a pixel fits as well two pixels away. The chance of noise makes it a tenth less.
 const FITS: [f32; 2] = [0.75, 1.0];
 
-/// Every how manieth pixel's colours are compared, along both axes.
+/// Along both axes, the colours of one pixel of so many are compared.
 const STEP: usize = 4;
 
 /// The view as a whole counts as much as the pixels of three by three blocks.
