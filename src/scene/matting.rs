@@ -566,6 +566,7 @@ mod tests {
             colors: Colors::new(size, Arc::new((0..84).map(|_| 0.5).collect())),
             partial: Arc::default(),
             connectivity: Arc::default(),
+            carried: Vec::new(),
         }];
         let frame = FrontLayer { behind: &behind, ..frame_of(&color, &s, &connectivity) };
         let mixed = unmix(&frame, Separated::All, &Cancel::default()).unwrap();
