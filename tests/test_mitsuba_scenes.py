@@ -443,8 +443,8 @@ def test_views_around_the_lens_see_what_the_pinhole_does_not():
     assert set(np.round(capture.depth[1][behind])) <= {6.0, 9.0}
     found = compare(scene, spp=64, views=6, pinhole_spp=16, progress=False)
     assert found.one_layer is not None
-    # One layer is taken apart at every edge, the first of several beside lamps alone. In so small a picture that
-    # is worth more than what is hidden.
+    # One layer is taken apart at every edge, the first of several beside lamps alone. In so small a picture
+    # that is worth more than what is hidden.
     assert found.distances["overall"].psnr > found.one_layer.psnr - 0.5
     assert "overall, one layer" in str(found)
     assert "pinhole, 6 views and depths" in found.seconds
