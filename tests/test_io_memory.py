@@ -131,11 +131,23 @@ def bomb_inflating_chunk(path, size):
         dataset.id.write_direct_chunk((0, 0), zlib.compress(bytes(size)))
 
 
+def bomb_driver(path):
+    """Write a file that is said to be one of several; the description is where its first bytes are."""
+    with h5py.File(path, "w", libver="earliest") as file:
+        file["depth"] = np.ones((4, 4), "f4")
+    data = bytearray(path.read_bytes())
+    assert data[8] == 0
+    # The fourth address of the superblock; from there on, the length comes after four bytes.
+    data[48:56] = (28).to_bytes(8, "little")
+    path.write_bytes(data)
+
+
 BOMBS = {
     "lzma.npz": (lambda path: bomb_npz(path, 192 << 20, zipfile.ZIP_LZMA), "neither stored nor deflated"),
     "bzip2.npz": (lambda path: bomb_npz(path, 192 << 20, zipfile.ZIP_BZIP2), "neither stored nor deflated"),
     "profile.png": (lambda path: bomb_png(path, 192 << 20), None),
     "chunk.h5": (lambda path: bomb_chunk(path, 1 << 14), "a chunk claims 1073741824 bytes"),
+    "driver.h5": (bomb_driver, "or one of several that are one"),
     "inflating.h5": (lambda path: bomb_inflating_chunk(path, 192 << 20), "a chunk inflates to more"),
     "literal.npy": (
         lambda path: path.write_bytes(

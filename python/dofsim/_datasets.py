@@ -19,6 +19,8 @@ from ._names import listed
 _DPT_START = b"PIEH"
 _HDF5_START = b"\x89HDF"
 
+_HDF5_SIGNATURE = _HDF5_START + b"\r\n\x1a\n"
+
 # What a chunk may take beside the values of its data set, for one that grows may still be smaller than that.
 _CHUNK_BYTES = 64 << 20
 # HDF5's numbers of its filters, and the length of its checksum.
@@ -88,6 +90,7 @@ def read_hdf5(path: StrPath, name: str | None) -> NDArray[Any]:
         raise ImportError(missing("reading HDF5 needs", "h5py", "hdf5")) from error
     try:
         check_regular(path)
+        _check_superblock(path)
         with h5py.File(path, "r") as file:
             inside = (h5py.HardLink, h5py.SoftLink)
             links = {key: file.get(key, getlink=True) for key in file}
@@ -113,6 +116,22 @@ def read_hdf5(path: StrPath, name: str | None) -> NDArray[Any]:
         if getattr(error, "errno", None) is not None or str(error).startswith(f"{path}: "):
             raise
         raise ValueError(f"{path}: damaged file: {error}") from error
+
+
+def _check_superblock(path: StrPath) -> None:
+    """Refuse a file that says how it is spread over others, which one file alone does not.
+
+    The library takes as much memory as that description claims to be long. The last of four addresses of a
+    superblock of version 0 or 1 is that of the description; later ones have a short message.
+    """
+    head = first_bytes(path, 256)
+    if not head.startswith(_HDF5_SIGNATURE):
+        raise ValueError(f"{path}: damaged file: it does not begin as an HDF5 file")
+    if len(head) > 13 and (version := head[8]) <= 1:
+        length = head[13]
+        place = 24 + 4 * version + 3 * length
+        if head[place : place + length] != length * b"\xff":
+            raise ValueError(f"{path}: damaged file: or one of several that are one, which are not read")
 
 
 def _check_chunks(path: StrPath, dataset: Any) -> None:

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _cameras
+from ._datasets import read_hdf5
 from ._dofsim import Lens
-from ._extras import missing
 from ._files import StrPath, read_text
 from ._names import shortened
 
@@ -393,15 +393,9 @@ def _own(path: Path, words: dict[str, Any]) -> list[Camera]:
 
 def _hypersim(folder: Path, size: tuple[int, int]) -> list[Camera]:
     """Read a trajectory of Hypersim: OpenGL's axes, in units of the scene, 60 degrees wide."""
-    try:
-        import h5py  # type: ignore[import-untyped, unused-ignore]
-    except ImportError as error:
-        raise ImportError(missing("Hypersim's cameras need", "h5py", "hdf5")) from error
 
     def read(name: str) -> NDArray[Any]:
-        with h5py.File(folder / f"camera_keyframe_{name}.hdf5") as file:
-            found: NDArray[Any] = file["dataset"][:]
-            return found
+        return read_hdf5(folder / f"camera_keyframe_{name}.hdf5", "dataset")
 
     positions, turns = read("positions"), read("orientations")
     frames = read("frame_indices") if (folder / "camera_keyframe_frame_indices.hdf5").exists() else None
