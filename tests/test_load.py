@@ -80,14 +80,15 @@ def workers_are_shared():
     for threads in range(1, 33):
         dofsim.render(color, depth, lens, threads=threads)
     # One set renders, one reads, and the last call has left its own. Those told to stop take a moment.
+    most = 2 * processors + 32
     deadline = time.monotonic() + HANG_S
-    while workers() > 2 * processors + 32:
+    while workers() > most:
         assert time.monotonic() < deadline, workers()
         time.sleep(0.01)
+    # On a busy machine some of them have no name yet, so how many there are is no bound for later.
     dofsim.render(color, depth, lens, threads=1)
-    before = workers()
     in_threads(lambda _: [dofsim.render(color, depth, lens) for _ in range(50)])
-    assert workers() <= before
+    assert workers() <= most + 1
 
 
 @linux
