@@ -135,7 +135,8 @@ class Notebook:
         (connection,) = self.runtime.glob("kernel-*.json")
         client = BlockingKernelClient(connection_file=str(connection))
         client.load_connection_file()
-        client.start_channels()
+        # A heart that begins to beat when the client has gone is an error of its thread.
+        client.start_channels(stdin=False, hb=False)
         try:
             reply = client.execute(
                 "", user_expressions={"answer": expression}, reply=True, timeout=TIMEOUT_MS / 1e3
