@@ -15,7 +15,7 @@ from dofsim import metrics
 from fidelity import noiseless_psnr
 from numpy.typing import NDArray
 from scenes.around import intrinsics, poses
-from scenes.bundle import CACHE, load_capture
+from scenes.bundle import CACHE, RECIPES, load_capture
 from scenes.camera import Camera
 
 # Neighbours on either side.
@@ -36,7 +36,7 @@ def slide(name: str, frames: int, step_m: float, width: int, height: int) -> Sho
     from scenes.variant import choose_variant
 
     print(f"rendering {path.name} with Mitsuba's {choose_variant()}", flush=True)
-    capture = load_capture(name)
+    capture = load_capture(name, RECIPES[name])
     along = step_m * (np.arange(frames + 2 * BESIDE) - 0.5 * (frames + 2 * BESIDE - 1))
     at = np.stack([along, np.zeros_like(along), np.zeros_like(along)], axis=-1)
     seen = [capture.seen_from(place, width, height, SAMPLES, 64, seed=i) for i, place in enumerate(at)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -23,22 +24,6 @@ from ._names import listed
 
 _TYPES: dict[str, type[np.floating[Any]]] = {"half": np.float16, "float": np.float32}
 _IN_CHANNEL = re.compile(r"color must be finite where .*; got (\S+) in channel (\d+) at (.*)")
-# The words of a render that `dofsim.render_ids` takes, beside the picture that decides.
-_OF_IDS = (
-    "aperture",
-    "depth_kind",
-    "near",
-    "far",
-    "depth_range",
-    "invalid",
-    "invalid_color",
-    "alpha",
-    "transfer",
-    "overscan",
-    "max_coc_px",
-    "threads",
-    "views",
-)
 
 
 @dataclass(frozen=True)
@@ -151,10 +136,11 @@ class Passes:
             except ValueError as error:
                 raise self._named(error, averaged) from None
             out |= {channel.full: rendered[..., i] for i, channel in enumerate(averaged)}
+        of_ids = signature(render_ids).parameters
         for members in id_sets(self._of("id")):
             if words.get("supersample", 1) != 1:
                 raise ValueError("supersample must be 1 for ids, of which there is no mean")
-            own = {name: words[name] for name in _OF_IDS if name in words}
+            own = {name: word for name, word in words.items() if name in of_ids}
             stacked = np.stack([planes[channel.full] for channel in members], axis=-1)
             rendered = render_ids(stacked, depth, lens, guide=guide, **own)
             out |= {channel.full: rendered[..., i] for i, channel in enumerate(members)}

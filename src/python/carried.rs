@@ -1,7 +1,7 @@
 //! Channels that go through a lens as a guide finds the way: read and checked.
 
 use super::color::{Alpha, ColorFormat};
-use super::errors::{choice, shown};
+use super::errors::{choice, reworded, shown};
 use super::input::Input;
 use super::run::installed;
 use super::samples::{array, in_order, sample_type, view, with_sample_type};
@@ -35,15 +35,10 @@ pub struct ChannelArguments<'a, 'py> {
 
 /// What an error says of `color` is said of the guide.
 fn of_guide(py: Python<'_>, error: PyErr) -> PyErr {
-    let text = error.value(py).to_string();
-    match text.strip_prefix("color ") {
-        Some(rest) if error.is_instance_of::<PyTypeError>(py) => {
-            PyTypeError::new_err(format!("guide {rest}"))
-        }
-        Some(rest) if error.is_instance_of::<PyValueError>(py) => {
-            PyValueError::new_err(format!("guide {rest}"))
-        }
-        _ => error,
+    let about_it = error.is_instance_of::<PyValueError>(py) || error.is_instance_of::<PyTypeError>(py);
+    match error.value(py).to_string().strip_prefix("color ").filter(|_| about_it) {
+        Some(rest) => reworded(py, &error, format!("guide {rest}")),
+        None => error,
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use pyo3::create_exception;
-use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError, PyValueError};
+use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
 create_exception!(dofsim, DeviceError, PyRuntimeError, "The device asked for cannot be used.");
@@ -25,6 +25,14 @@ pub fn shown(value: &Bound<'_, PyAny>) -> String {
     match text.char_indices().nth(LONGEST) {
         Some((end, _)) => format!("{}...", &text[..end]),
         None => text,
+    }
+}
+
+/// What is wrong with an argument, in other words: a `TypeError` stays one, all else is a `ValueError`.
+pub fn reworded(py: Python<'_>, error: &PyErr, text: String) -> PyErr {
+    match error.is_instance_of::<PyTypeError>(py) {
+        true => PyTypeError::new_err(text),
+        false => PyValueError::new_err(text),
     }
 }
 

@@ -130,8 +130,8 @@ impl Contiguous<'_> {
     }
 }
 
-/// One part of an OpenEXR file: its name, its channels, the types of their samples, its windows as (x, y, width, height), and the width of a pixel
-/// over its height.
+/// One part of an OpenEXR file: its name, its channels, the types of their samples, its windows as (x, y, width, height),
+/// and the width of a pixel over its height.
 #[pyclass(frozen, get_all, module = "dofsim._dofsim")]
 pub struct ExrPart {
     name: Option<String>,

@@ -30,7 +30,8 @@ use std::time::Instant;
 ///     What the channels are, one word for all or one for each: ``"light"`` (default), ``"matte"`` (coverage and masks: as
 ///     light, but not darkened by `vignetting` of the lens), ``"data"`` (numbers such as positions, depths or motion: a mean
 ///     of what is seen, weighted by the guide's coverage if it has any, in which what is infinite or NaN has no weight) or
-///     ``"normal"`` (data of three channels in a row that are brought to unit length). Without `guide`, up to 4 channels are their own.
+///     ``"normal"`` (data of three channels in a row that are brought to unit length). Without `guide`, up to 4
+///     channels are their own.
 /// method : {"lens", "poisson", "gaussian", "hexagonal", "levels", "taps", "sprites"}, optional
 ///     How to compute; see the notes. All but ``"lens"`` take one layer and are for speed or for their own looks.
 /// device : str, optional
@@ -173,9 +174,9 @@ use std::time::Instant;
 /// >>> dofsim.render(color, depth, lens).shape
 /// (48, 64, 3)
 #[pyfunction]
-#[pyo3(signature = (color, depth, lens, *, guide=None, kinds=None, method="lens", device="auto", aperture=None, depth_kind="z", near=None,
-    far=None, depth_range=None, invalid="raise", invalid_color="raise", alpha=None, transfer=None, overscan=0, supersample=1,
-    in_focus=None, max_coc_px=None, refine=false, threads=None, out=None, **options))]
+#[pyo3(signature = (color, depth, lens, *, guide=None, kinds=None, method="lens", device="auto", aperture=None,
+    depth_kind="z", near=None, far=None, depth_range=None, invalid="raise", invalid_color="raise", alpha=None, transfer=None,
+    overscan=0, supersample=1, in_focus=None, max_coc_px=None, refine=false, threads=None, out=None, **options))]
 #[expect(clippy::too_many_arguments, reason = "the public function's own, keyword-only in Python")]
 pub fn render<'py>(
     py: Python<'py>,

@@ -34,7 +34,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// ----------
 /// color, depth
 ///     As in `render`.
-/// guide, kinds, device, depth_kind, near, far, depth_range, invalid, invalid_color, alpha, transfer, overscan, supersample, refine
+/// guide, kinds, device, depth_kind, near, far, depth_range, invalid, invalid_color
+///     As in `render`.
+/// alpha, transfer, overscan, supersample, refine
 ///     As in `render`.
 ///
 /// Raises
@@ -149,8 +151,8 @@ impl PyScene {
 #[pymethods]
 impl PyScene {
     #[new]
-    #[pyo3(signature = (color, depth, *, guide=None, kinds=None, device="auto", depth_kind="z", near=None, far=None, depth_range=None, invalid="raise",
-        invalid_color="raise", alpha=None, transfer=None, overscan=0, supersample=1, refine=false))]
+    #[pyo3(signature = (color, depth, *, guide=None, kinds=None, device="auto", depth_kind="z", near=None, far=None,
+        depth_range=None, invalid="raise", invalid_color="raise", alpha=None, transfer=None, overscan=0, supersample=1, refine=false))]
     #[expect(clippy::too_many_arguments, reason = "the public constructor's own, keyword-only in Python")]
     pub fn new<'py>(
         color: &Bound<'py, PyAny>,

@@ -3,7 +3,7 @@
 use super::argument;
 use super::color::{color_shape, read_format, read_layer_color};
 use super::depth::{DepthArguments, DepthPlanes, read_depth, read_depth_arguments, read_invalid};
-use super::errors::shown;
+use super::errors::{reworded, shown};
 use super::invalid_color::read_invalid_color;
 use super::lens::PyLens;
 use super::output_grid::OutputGrid;
@@ -269,11 +269,7 @@ fn of_item(py: Python<'_>, error: PyErr, number: usize) -> PyErr {
         }
         _ => format!("colors[{number}]: {text}"),
     };
-    if error.is_instance_of::<PyTypeError>(py) {
-        PyTypeError::new_err(text)
-    } else {
-        PyValueError::new_err(text)
-    }
+    reworded(py, &error, text)
 }
 
 fn sized(size: Size) -> String {

@@ -232,24 +232,18 @@ impl Misfit {
     /// What would vanish stays as it is: of a twig that a soft map has widened, both are seen to be too large.
     pub fn shrunk(&self, depth: &Plane) -> Option<Plane> {
         let radius = self.growth.abs().round() as usize;
-        let (out, wide) = match radius {
-            0 => return None,
-            _ if self.growth > 0.0 => {
-                let out = depth.minima(radius);
-                let wide = out.maxima(2 * radius + 1);
-                (out, wide)
-            }
-            _ => {
-                let out = depth.maxima(radius);
-                let wide = out.minima(2 * radius + 1);
-                (out, wide)
-            }
+        if radius == 0 {
+            return None;
+        }
+        type Extremes = fn(&Plane, usize) -> Plane;
+        let (sign, toward, back): (f32, Extremes, Extremes) = match self.growth > 0.0 {
+            true => (1.0, Plane::minima, Plane::maxima),
+            false => (-1.0, Plane::maxima, Plane::minima),
         };
+        let out = toward(depth, radius);
         // By how much what is there is nearer, or farther, than all that is left around it.
-        let lost = depth.with(&wide, |depth, wide| match self.growth > 0.0 {
-            true => (depth - wide).max(0.0),
-            false => (depth - wide).min(0.0),
-        });
+        let left = back(&out, 2 * radius + 1);
+        let lost = depth.with(&left, |depth, left| sign * (sign * (depth - left)).max(0.0));
         Some(out.with(&lost, |out, lost| out + lost))
     }
 }

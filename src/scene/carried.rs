@@ -2,8 +2,9 @@
 //! the picture's colours decide is applied to every channel alike.
 
 use super::colors::{CellColor, Colors};
+use super::front_layer::FrontLayer;
 use super::inpaint::Hidden;
-use super::matting::{FrontLayer, MixedPixel, pure_pixels, surfaces};
+use super::matting::{MixedPixel, pure_pixels, surfaces};
 use super::recipe::PureSource;
 use crate::picture::ChannelGroup;
 use rayon::prelude::*;

@@ -5,8 +5,9 @@
 //! them reach continues behind it.
 
 use super::edges::{self, CONNECTED_PX, EDGE};
+use super::front_layer::FrontLayer;
 use super::grid::BLOCK;
-use super::matting::{FrontLayer, MixedPixel};
+use super::matting::MixedPixel;
 use super::recipe::{Cargo, Source};
 use crate::cancel::Cancel;
 use crate::error::Result;
@@ -538,15 +539,7 @@ mod tests {
             (0..side * side).map(|i| if is_front(i) { 1000.0 } else { (i % side) as f32 }).collect();
         let connectivity = edges::connectivity(&s, side, side);
         let size = Size { width: side, height: side, channels: 1 };
-        let frame = FrontLayer {
-            size,
-            lights: 1,
-            color: &color,
-            s: &s,
-            connectivity: &connectivity,
-            known: &[],
-            behind: &[],
-        };
+        let frame = FrontLayer::new(size, 1, &color, &s, &connectivity);
         let cargo = Cargo { groups: &[], mixed: &[] };
         let hidden = hidden(&frame, &s, &[], cargo, &Cancel::default()).unwrap();
         let mut found = vec![None; side * side];

@@ -11,11 +11,12 @@ use super::depth_codes::DepthCodes;
 use super::depth_noise::without_noise;
 use super::depth_spans::{self, DepthSpans};
 use super::edges::{self, CONNECTED_PX, EDGE};
+use super::front_layer::FrontLayer;
 use super::half_plane::HalfPlane;
 use super::highlights::{self, Bright, HIGHLIGHT_RATIO};
 use super::inpaint::{self, Hidden, SAME_SURFACE_PX};
 use super::layer::SceneLayer;
-use super::matting::{FrontLayer, MixedPixel, Separated, unmix};
+use super::matting::{MixedPixel, Separated, unmix};
 use super::recipe::Cargo;
 use crate::cancel::Cancel;
 use crate::error::Result;
@@ -90,8 +91,8 @@ impl LayeredScene {
         }
     }
 
-    /// The same cells, without carried channels, in some rows of the frame, which begin with a block and end with one or with the frame.
-    /// Everything that was found for the whole frame stays as it is.
+    /// The same cells, without carried channels, in some rows of the frame, which begin with a block and end with one or
+    /// with the frame. Everything that was found for the whole frame stays as it is.
     pub fn rows(&self, rows: Range<usize>) -> LayeredScene {
         let width = self.size.width;
         let pixels = rows.start * width..rows.end * width;
@@ -159,13 +160,8 @@ fn from_one_layer(
     let connectivity = edges::connectivity(&s, size.width, size.height);
     let colors = Colors::new(size, Arc::clone(&layer.color));
     let frame = FrontLayer {
-        size,
-        lights,
-        color: &layer.color,
-        s: &s,
-        connectivity: &connectivity,
         known: &picture.edges,
-        behind: &[],
+        ..FrontLayer::new(size, lights, &layer.color, &s, &connectivity)
     };
     let mixed = unmix(&frame, Separated::All, cancel)?;
     let given = || groups.iter().map(|group| Colors::new(group.size, Arc::clone(&group.planes))).collect();
@@ -372,15 +368,7 @@ fn from_layers(
         && let Some((front, others)) = built.split_first_mut()
     {
         let (s, connectivity) = (Arc::clone(&front.s), Arc::clone(&front.connectivity));
-        let frame = FrontLayer {
-            size,
-            lights,
-            color: &layers[0].color,
-            s: &s,
-            connectivity: &connectivity,
-            known: &[],
-            behind: &[],
-        };
+        let frame = FrontLayer::new(size, lights, &layers[0].color, &s, &connectivity);
         let left = take_lamps_apart(&frame, front, others, cancel)?;
         let taken: HashSet<usize> = left.iter().map(|cell| cell.index).collect();
         hidden.retain(|cell| !taken.contains(&cell.index));
@@ -438,15 +426,7 @@ fn hidden_by_all(
     };
     let last = |i: usize| Some(farthest(i, 1.0)).filter(|s| s.is_finite()).unwrap_or(nowhere);
     let last: Vec<f32> = (0..n).into_par_iter().map(last).collect();
-    let frame = FrontLayer {
-        size,
-        lights,
-        color: &color,
-        s: &s,
-        connectivity: &connectivity,
-        known: &[],
-        behind: &[],
-    };
+    let frame = FrontLayer::new(size, lights, &color, &s, &connectivity);
     let found = inpaint::hidden(&frame, &last, &[], Cargo { groups: &[], mixed: &[] }, cancel)?;
     let is_new = |h: &Hidden| h.color[alpha] > 0.0 && h.s <= last[h.index] - CONNECTED_PX;
     // Cells that are only partly there keep their place in front.

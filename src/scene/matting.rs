@@ -5,11 +5,11 @@
 //! carries the mixture; one such pixel on the rim of a bright lamp contaminates its whole neighbourhood.
 
 use super::edges::{self, CONNECTED_PX, EDGE};
+use super::front_layer::{FrontLayer, Surface, sub};
 use super::layer::SceneLayer;
 use super::recipe::{PureSource, Recipe, toward};
 use crate::cancel::Cancel;
 use crate::error::Result;
-use crate::picture::{KnownCoverage, Size};
 use crate::rows::ITEMS_PER_TASK;
 use rayon::prelude::*;
 
@@ -28,74 +28,6 @@ const UNEXPLAINED: f32 = 2.0;
 /// little more than that.
 const SEEN_AT_CENTRE: f32 = 4.0;
 
-/// The surfaces that the pinhole sees.
-#[derive(Clone, Copy)]
-pub struct FrontLayer<'a> {
-    pub size: Size,
-    /// How many channels, the first ones, hold light. What is in front and what is behind is told from these alone:
-    /// coverage is no light.
-    pub lights: usize,
-    /// Linear colour, planar.
-    pub color: &'a [f32],
-    /// Disparity in pixels of circle of confusion.
-    pub s: &'a [f32],
-    /// See [`connectivity`](super::edges::connectivity).
-    pub connectivity: &'a [u8],
-    /// Coverage that is known beside the colours, in the order of rows.
-    pub known: &'a [KnownCoverage],
-    /// What is known of the surfaces that these hide, front to back.
-    pub behind: &'a [SceneLayer],
-}
-
-impl FrontLayer<'_> {
-    pub fn color_at(&self, i: usize) -> [f32; 4] {
-        let n = self.size.pixels();
-        std::array::from_fn(|c| if c < self.size.channels { self.color[c * n + i] } else { 0.0 })
-    }
-
-    /// What is known to be behind the surface that is seen at a pixel.
-    fn known_behind(&self, x: usize, y: usize) -> Option<Surface> {
-        let index = y * self.size.width + x;
-        let layer = self.behind.iter().find(|layer| layer.s[index] < self.s[index] - CONNECTED_PX)?;
-        let (s, color) = (layer.s[index], layer.colors.at(index));
-        let at = |dx: i32, dy: i32| {
-            let q = self.offset(x, y, dx, dy).filter(|&q| (layer.s[q] - s).abs() < CONNECTED_PX);
-            q.map(|q| layer.colors.at(q))
-        };
-        // It is sampled at the pixel's centre. What it is all over the pixel differs from that by no more than it does from
-        // the mean of opposite neighbours.
-        let opposite = |(dx, dy): (i32, i32)| at(dx, dy).zip(at(-dx, -dy));
-        let means = [(1, 0), (0, 1), (1, 1), (1, -1)].into_iter().filter_map(opposite);
-        let means = means.map(|(a, b)| std::array::from_fn(|c| 0.5 * (a[c] + b[c])));
-        let mut off: Vec<f32> = means.map(|mean| self.norm2(sub(color, mean))).collect();
-        if off.is_empty() {
-            let beside = [(1, 0), (0, 1), (-1, 0), (0, -1)].into_iter().filter_map(|(dx, dy)| at(dx, dy));
-            off = beside.map(|beside| self.norm2(sub(color, beside))).collect();
-        }
-        Some(Surface { s, pure: Some((color, off.iter().sum::<f32>() / off.len().max(1) as f32)) })
-    }
-
-    /// The median of the light of all pixels, as the length of their colours.
-    pub fn median_light(&self) -> f32 {
-        let light = |i: usize| self.norm2(self.color_at(i)).sqrt();
-        let mut all: Vec<f32> = (0..self.size.pixels()).into_par_iter().map(light).collect();
-        let middle = all.len() / 2;
-        *all.select_nth_unstable_by(middle, f32::total_cmp).1
-    }
-
-    /// The squared length of the light of a colour.
-    fn norm2(&self, color: [f32; 4]) -> f32 {
-        color[..self.lights].iter().map(|c| c * c).sum()
-    }
-
-    /// Index of the pixel at the offset `(dx, dy)`, if it is in the frame.
-    pub fn offset(&self, x: usize, y: usize, dx: i32, dy: i32) -> Option<usize> {
-        let (x, y) = (x as i32 + dx, y as i32 + dy);
-        let inside = (0..self.size.width as i32).contains(&x) && (0..self.size.height as i32).contains(&y);
-        inside.then(|| y as usize * self.size.width + x as usize)
-    }
-}
-
 /// An edge pixel separated into two surfaces.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MixedPixel {
@@ -108,13 +40,6 @@ pub struct MixedPixel {
     pub s_back: f32,
     pub back: [f32; 4],
     pub recipe: Recipe,
-}
-
-/// A surface at a pixel: its shift, its pure colour and the variance of that, if it is known.
-#[derive(Clone, Copy)]
-struct Surface {
-    s: f32,
-    pure: Option<([f32; 4], f32)>,
 }
 
 /// Weighted mean of colours, and the variance of their light (summed over channels).
@@ -136,10 +61,6 @@ impl Pure {
         let mean = self.sum.map(|s| s / self.weight);
         (self.weight > 0.0).then(|| (mean, (self.sum_squares / self.weight - frame.norm2(mean)).max(0.0)))
     }
-}
-
-fn sub(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
-    std::array::from_fn(|c| a[c] - b[c])
 }
 
 /// Visits what shows nothing but the surface at shift `s_surface` around a pixel, with its weight: pixels away from every edge,
@@ -184,8 +105,9 @@ fn pure_color(frame: &FrontLayer, x: usize, y: usize, s_surface: f32) -> Option<
     pure.mean_and_variance(frame)
 }
 
-/// The pixel that shows most of a structure too thin to have a pure pixel. Among the surrounding pixels with the structure's depth,
-/// it is the one whose colour differs most from the other surface: the structure covers that pixel most.
+/// The pixel that shows most of a structure too thin to have a pure pixel. Among the surrounding pixels with the
+/// structure's depth, it is the one whose colour differs most from the other surface: the structure covers that pixel
+/// most.
 fn extreme_pixel(frame: &FrontLayer, x: usize, y: usize, s_surface: f32, other: [f32; 4]) -> Option<usize> {
     let around = (-2..=2).flat_map(|dy| (-2..=2).map(move |dx| (dx, dy)));
     around
@@ -396,6 +318,21 @@ impl Pixel<'_> {
         std::array::from_fn(|c| self.color[c] - coverage * self.front[c] - (1.0 - coverage) * self.back[c])
     }
 
+    /// How much of the unexplained rest of a pixel goes to the surface in front, in all channels alike: as much as `wanted`,
+    /// or what comes nearest to it of what leaves no light of either surface negative. If nothing does so in all channels,
+    /// it is what lies in the middle between those that ask for the most and for the least.
+    fn rest_to_front(&self, [a, b]: [f32; 2], wanted: f32, rest: [f32; 4]) -> f32 {
+        if a <= 0.0 || b <= 0.0 {
+            return wanted;
+        }
+        let (mut least, mut most) = (0.0f32, 1.0 / a);
+        for c in (0..self.frame.lights).filter(|&c| rest[c] < 0.0 && self.color[c] >= 0.0) {
+            most = most.min(self.front[c].max(0.0) / -rest[c]);
+            least = least.max((1.0 - b * self.back[c].max(0.0) / -rest[c]) / a);
+        }
+        if least > most { 0.5 * (least + most) } else { wanted.clamp(least, most) }
+    }
+
     /// Least squares for `a` in `C = a F + (1 - a) B`, regularised towards the prior where the colours say little.
     /// The residual is distributed over the two colours by their variances, so that they reproduce `C` exactly.
     fn split(&self, front_variance: f32, back_variance: f32) -> Split {
@@ -444,23 +381,6 @@ impl Pixel<'_> {
     }
 }
 
-impl Pixel<'_> {
-    /// How much of the unexplained rest of a pixel goes to the surface in front, in all channels alike: as much as `wanted`,
-    /// or what comes nearest to it of what leaves no light of either surface negative. If nothing does so in all channels,
-    /// it is what lies in the middle between those that ask for the most and for the least.
-    fn rest_to_front(&self, [a, b]: [f32; 2], wanted: f32, rest: [f32; 4]) -> f32 {
-        if a <= 0.0 || b <= 0.0 {
-            return wanted;
-        }
-        let (mut least, mut most) = (0.0f32, 1.0 / a);
-        for c in (0..self.frame.lights).filter(|&c| rest[c] < 0.0 && self.color[c] >= 0.0) {
-            most = most.min(self.front[c].max(0.0) / -rest[c]);
-            least = least.max((1.0 - b * self.back[c].max(0.0) / -rest[c]) / a);
-        }
-        if least > most { 0.5 * (least + most) } else { wanted.clamp(least, most) }
-    }
-}
-
 /// The edge pixels that are to be separated and could be, in scan order.
 pub fn unmix(frame: &FrontLayer, separated: Separated, cancel: &Cancel) -> Result<Vec<MixedPixel>> {
     let row = |y: usize| {
@@ -481,52 +401,39 @@ pub fn unmix(frame: &FrontLayer, separated: Separated, cancel: &Cancel) -> Resul
 mod tests {
     use super::super::colors::Colors;
     use super::*;
+    use crate::picture::Size;
     use std::sync::Arc;
+
+    /// The pixels of a frame of 12 x 7 pixels, the first channel of which is light; of one column, all have one shift.
+    fn unmixed(color: &[f32], s: impl Fn(usize) -> f32, behind: &[SceneLayer]) -> Vec<MixedPixel> {
+        let size = Size { width: 12, height: 7, channels: color.len() / 84 };
+        let s: Vec<f32> = (0..84).map(|i| s(i % 12)).collect();
+        let connectivity = edges::connectivity(&s, 12, 7);
+        let frame = FrontLayer { behind, ..FrontLayer::new(size, 1, color, &s, &connectivity) };
+        unmix(&frame, Separated::All, &Cancel::default()).unwrap()
+    }
 
     #[test]
     fn a_mixed_column_is_taken_apart() {
         // Columns 0..5 are a surface of colour 2 in front, columns 6.. a surface of colour 1 behind; column 5 is 30 %
         // front.
-        let (w, h) = (12, 7);
-        let size = Size { width: w, height: h, channels: 1 };
-        let color: Vec<f32> = (0..w * h)
-            .map(|i| match i % w {
+        let color: Vec<f32> = (0..84)
+            .map(|i| match i % 12 {
                 0..5 => 2.0,
                 5 => 1.3,
                 _ => 1.0,
             })
             .collect();
-        let s: Vec<f32> = (0..w * h).map(|i| if i % w < 5 { 8.0 } else { 0.0 }).collect();
-        let connectivity = super::super::edges::connectivity(&s, w, h);
-        let mixed = unmix(
-            &FrontLayer {
-                size,
-                lights: 1,
-                color: &color,
-                s: &s,
-                connectivity: &connectivity,
-                known: &[],
-                behind: &[],
-            },
-            Separated::All,
-            &Cancel::default(),
-        )
-        .unwrap();
+        let mixed = unmixed(&color, |x| if x < 5 { 8.0 } else { 0.0 }, &[]);
         for m in &mixed {
-            let expected = match m.index % w {
+            let expected = match m.index % 12 {
                 5 => 0.3,
                 x => f32::from(x < 5),
             };
-            assert!((m.coverage - expected).abs() < 2e-3, "column {}: {}", m.index % w, m.coverage);
+            assert!((m.coverage - expected).abs() < 2e-3, "column {}: {}", m.index % 12, m.coverage);
             assert!((m.front[0] - 2.0).abs() < 5e-3 && (m.back[0] - 1.0).abs() < 5e-3);
         }
-        assert_eq!(mixed.len(), 2 * h);
-    }
-
-    /// A frame of 12 x 7 pixels with one channel.
-    fn frame_of<'a>(color: &'a [f32], s: &'a [f32], connectivity: &'a [u8]) -> FrontLayer<'a> {
-        let size = Size { width: 12, height: 7, channels: 1 };
-        FrontLayer { size, lights: 1, color, s, connectivity, known: &[], behind: &[] }
+        assert_eq!(mixed.len(), 2 * 7);
     }
 
     #[test]
@@ -537,10 +444,7 @@ mod tests {
             _ => (1.0, 0.0),
         };
         let color: Vec<f32> = (0..84).map(|i| at(i % 12).0).collect();
-        let s: Vec<f32> = (0..84).map(|i| at(i % 12).1).collect();
-        let connectivity = super::super::edges::connectivity(&s, 12, 7);
-        let frame = frame_of(&color, &s, &connectivity);
-        let mixed = unmix(&frame, Separated::All, &Cancel::default()).unwrap();
+        let mixed = unmixed(&color, |x| at(x).1, &[]);
         let middle: Vec<_> = mixed.iter().filter(|m| m.index % 12 == 5).collect();
         assert_eq!(middle.len(), 7);
         for m in middle {
@@ -557,8 +461,6 @@ mod tests {
             _ => (1.0, 0.0),
         };
         let color: Vec<f32> = (0..84).map(|i| at(i % 12).0).collect();
-        let s: Vec<f32> = (0..84).map(|i| at(i % 12).1).collect();
-        let connectivity = super::super::edges::connectivity(&s, 12, 7);
         let size = Size { width: 12, height: 7, channels: 1 };
         let hidden = |i: usize| if i % 12 < 5 { 0.0 } else { f32::NAN };
         let behind = [SceneLayer {
@@ -568,8 +470,7 @@ mod tests {
             connectivity: Arc::default(),
             carried: Vec::new(),
         }];
-        let frame = FrontLayer { behind: &behind, ..frame_of(&color, &s, &connectivity) };
-        let mixed = unmix(&frame, Separated::All, &Cancel::default()).unwrap();
+        let mixed = unmixed(&color, |x| at(x).1, &behind);
         let column: Vec<_> = mixed.iter().filter(|m| m.index % 12 == 4).collect();
         assert_eq!(column.len(), 7);
         for m in column {
@@ -580,21 +481,8 @@ mod tests {
 
     /// Pixels of a picture of one column of light and coverage each, beside a straight silhouette.
     fn unmixed_beside_an_edge(pixels: [[f32; 2]; 12]) -> Vec<MixedPixel> {
-        let (w, h) = (12, 7);
-        let size = Size { width: w, height: h, channels: 2 };
-        let color: Vec<f32> = (0..2 * w * h).map(|i| pixels[i % w][i / (w * h)]).collect();
-        let s: Vec<f32> = (0..w * h).map(|i| if i % w < 5 { 8.0 } else { 0.0 }).collect();
-        let connectivity = super::super::edges::connectivity(&s, w, h);
-        let frame = FrontLayer {
-            size,
-            lights: 1,
-            color: &color,
-            s: &s,
-            connectivity: &connectivity,
-            known: &[],
-            behind: &[],
-        };
-        unmix(&frame, Separated::All, &Cancel::default()).unwrap()
+        let color: Vec<f32> = (0..2 * 84).map(|i| pixels[i % 12][i / 84]).collect();
+        unmixed(&color, |x| if x < 5 { 8.0 } else { 0.0 }, &[])
     }
 
     #[test]

@@ -1,9 +1,9 @@
 //! A picture and the data that are prepared from it once, for any focus and any device.
 //!
 //! In the order of the work: [`depth_noise`] takes the noise out of the depths, [`edges`] finds depth discontinuities,
-//! [`matting`] separates the two surfaces of edge pixels, [`inpaint`] fills the surfaces that the foreground hides,
-//! [`carried`] takes other channels the same way, and [`layered`] holds the result. [`depth_spans`] and [`depth_bounds`] bound the depths that occur, and [`highlights`]
-//! finds the bright cells.
+//! [`matting`] separates the two surfaces of edge pixels of the [`front_layer`], [`inpaint`] fills the surfaces that the
+//! foreground hides, [`carried`] takes other channels the same way, and [`layered`] holds the result. [`depth_spans`] and
+//! [`depth_bounds`] bound the depths that occur, and [`highlights`] finds the bright cells.
 
 pub(crate) mod carried;
 pub(crate) mod colors;
@@ -12,6 +12,7 @@ pub(crate) mod depth_codes;
 mod depth_noise;
 pub(crate) mod depth_spans;
 pub(crate) mod edges;
+mod front_layer;
 pub(crate) mod grid;
 pub(crate) mod half_plane;
 pub(crate) mod highlights;

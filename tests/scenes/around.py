@@ -1,7 +1,6 @@
 """A scene from several places: the pinhole's own, points of the rim of the lens, neighbouring frames."""
 
 import hashlib
-import importlib
 import time
 from pathlib import Path
 
@@ -46,22 +45,12 @@ def intrinsics(width: int, height: int, fov: float = Camera.fov) -> np.ndarray:
     return np.array([[focal_px, 0, 0.5 * (width - 1)], [0, focal_px, 0.5 * (height - 1)], [0, 0, 1.0]])
 
 
-def _capture(name: str):
-    if name in RECIPES:
-        return load_capture(name)
-    # Mitsuba is imported only to render.
-    from .capture import Capture
-
-    module = importlib.import_module(f"{__package__}.{name}")
-    return Capture(module.shapes(), Camera(), MIRRORS[name].max_depth)
-
-
 def render_around(name: str, width: int, height: int) -> dict[str, np.ndarray]:
     """Render what the table needs: a reference with its layers, the other places, the thin lens's halves."""
     from dofsim.mitsuba._capture import averaged
 
     start = time.perf_counter()
-    capture, recipe = _capture(name), TRACED if SCENES[name].max_depth > 1 else PLAIN
+    capture, recipe = load_capture(name, SCENES[name]), TRACED if SCENES[name].max_depth > 1 else PLAIN
     color = capture.pinhole(width, height, recipe.pinhole_spp, recipe.lamp_spp)
     layers_color, layers_depth = capture.peel(width, height, LAYERS, recipe.peel_spp)
     layers_color[0] = averaged(layers_color[0], layers_depth[0], color)

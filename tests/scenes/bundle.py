@@ -49,14 +49,14 @@ RECIPES = {
 }
 
 
-def load_capture(name: str):
-    """Load a scene of `RECIPES` into Mitsuba, in the variant that is set."""
+def load_capture(name: str, recipe: Recipe):
+    """Load the scene of a module into Mitsuba, in the variant that is set."""
     # Mitsuba is imported only to render: whoever has the cached files does not need it.
     from .capture import Capture
 
     module = importlib.import_module(f"{__package__}.{name}")
     lamps = module.lamps() if hasattr(module, "lamps") else None
-    return Capture(module.shapes(), Camera(), RECIPES[name].max_depth, lamps)
+    return Capture(module.shapes(), Camera(), recipe.max_depth, lamps)
 
 
 def render_bundle(name: str, width: int, height: int) -> dict[str, np.ndarray]:
@@ -76,8 +76,8 @@ def render_bundle(name: str, width: int, height: int) -> dict[str, np.ndarray]:
     from dofsim.mitsuba._capture import averaged
 
     start = time.perf_counter()
-    capture = load_capture(name)
     recipe = RECIPES[name]
+    capture = load_capture(name, recipe)
     color = capture.pinhole(width, height, recipe.pinhole_spp, recipe.lamp_spp)
     layers_color_1x, layers_depth_1x = capture.peel(width, height, LAYERS, recipe.peel_spp)
     layers_color_1x[0] = averaged(layers_color_1x[0], layers_depth_1x[0], color)

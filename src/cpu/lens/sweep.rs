@@ -249,13 +249,12 @@ unsafe fn sweep_tile_of_groups<L: Lanes>(
     let colors = firsts.iter().zip(&*out).map(|(first, out)| planes(*first, out.planes.len()));
     let colors: Vec<Vec<[*const f32; ChannelGroup::MOST]>> = colors.collect();
     let mut hits = Vec::new();
-    for (x, part_y) in parts() {
-        let place = (origin.0 + padded.padding.pad + x, origin.1 + padded.padding.pad + part_y);
-        segments.cull(&padded.patches, place);
-        let columns = || (x..x + PART.0).step_by(L::CELLS);
-        let rows = (part_y..part_y + PART.1).step_by(ROWS);
-        for (x, y) in rows.flat_map(|y| columns().map(move |x| (x, y))) {
-            let base = padded.padding.index(origin.0 + x, origin.1 + y);
+    visit_pixels::<L>(
+        padded,
+        segments,
+        origin,
+        #[inline(always)]
+        |segments, (x, y), base| {
             let mut swept = Swept::<0>::NOTHING;
             hits.clear();
             // SAFETY: per the function's contract.
@@ -276,8 +275,8 @@ unsafe fn sweep_tile_of_groups<L: Lanes>(
                     pixels.divide(&sums, own, stride, out);
                 });
             }
-        }
-    }
+        },
+    );
 }
 
 /// Pixels that were swept together.
@@ -348,13 +347,12 @@ unsafe fn sweep_tile<L: Lanes, const C: usize>(
 ) {
     let layers: Vec<Planes<C>> = padded.layers.iter().map(Planes::of).collect();
     let stride = padded.padding.stride;
-    for (x, part_y) in parts() {
-        let place = (origin.0 + padded.padding.pad + x, origin.1 + padded.padding.pad + part_y);
-        segments.cull(&padded.patches, place);
-        let columns = || (x..x + PART.0).step_by(L::CELLS);
-        let rows = (part_y..part_y + PART.1).step_by(ROWS);
-        for (x, y) in rows.flat_map(|y| columns().map(move |x| (x, y))) {
-            let base = padded.padding.index(origin.0 + x, origin.1 + y);
+    visit_pixels::<L>(
+        padded,
+        segments,
+        origin,
+        #[inline(always)]
+        |segments, (x, y), base| {
             let mut swept = Swept::<C>::NOTHING;
             // SAFETY: per the function's contract.
             unsafe {
@@ -363,6 +361,26 @@ unsafe fn sweep_tile<L: Lanes, const C: usize>(
             let own = std::array::from_fn(|c| &padded.layers[0].color[c][base..]);
             let pixels = Pixels::new(segments, &swept.missed, missed_rule, (x, y), L::CELLS);
             pixels.divide(&swept.sums, own, stride, out);
+        },
+    );
+}
+
+/// Culls the segments for each part of a tile, and visits its pixels, as many as are swept together: the place of the first
+/// of them in the tile, and its cell in the padded frame.
+#[inline(always)]
+fn visit_pixels<L: Lanes>(
+    padded: &Padded,
+    segments: &mut Segments,
+    origin: (usize, usize),
+    mut visit: impl FnMut(&Segments, (usize, usize), usize),
+) {
+    for (x, part_y) in parts() {
+        let place = (origin.0 + padded.padding.pad + x, origin.1 + padded.padding.pad + part_y);
+        segments.cull(&padded.patches, place);
+        let columns = || (x..x + PART.0).step_by(L::CELLS);
+        let rows = (part_y..part_y + PART.1).step_by(ROWS);
+        for (x, y) in rows.flat_map(|y| columns().map(move |x| (x, y))) {
+            visit(segments, (x, y), padded.padding.index(origin.0 + x, origin.1 + y));
         }
     }
 }

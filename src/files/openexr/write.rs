@@ -77,8 +77,8 @@ pub fn compression(name: &str) -> std::result::Result<Compression, Problem> {
 /// The attributes of another file's parts, and where parts begin in its display window.
 pub type Kept<'a> = (&'a [Attributes], Option<(i32, i32)>);
 
-/// Writes a file of one or more parts; with the attributes of another file's parts if they are given, and where the parts begin in
-/// that one's display window.
+/// Writes a file of one or more parts; with the attributes of another file's parts if they are given, and where the parts
+/// begin in that one's display window.
 pub fn write(
     path: &Path,
     mut layers: Vec<Layer<'_>>,
