@@ -21,6 +21,12 @@ from dofsim._relative import range_of
 
 __all__ = ["Depth", "DepthOfField", "RandomDepthOfField"]
 
+
+def __dir__() -> list[str]:
+    """List the public names."""
+    return sorted(__all__)
+
+
 _DEPTH_WORDS = ("depth_kind", "near", "far", "depth_range", "invalid")
 
 
