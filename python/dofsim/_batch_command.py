@@ -423,20 +423,27 @@ def _run(frames: list[Frame], output: Path, *, workers: int, dask: str | None, r
         len(frames) / seconds,
     )
     if summary := summarise(frames, output):
-        _say_summary(summary)
+        _say_summary(summary, output)
     if counts["failed"]:
         log.info("%s: what failed, and why", failures)
     return 1 if counts["failed"] else 0
 
 
-def _say_summary(summary: dict[str, Any]) -> None:
-    """Say how wide the blur of the frames is, and what of it is suspicious."""
-    radius = summary["largest_blur_radius_px"]
+def _say_summary(summary: dict[str, Any], output: Path) -> None:
+    """Say how deep the frames are and how wide their blur is, and what of it is suspicious."""
+    from ._report import pixels, spread
+
+    depth = ""
+    if (ends := summary["depth_range"]) is not None:
+        depth = f"{spread(summary['depth_quantity'], summary['depth_unit'], ends)}; "
+    radius = {name: pixels(value) for name, value in summary["largest_blur_radius_px"].items()}
+    blur = f"the largest blur radius is {radius['median']} px"
     if summary["frames"] > 1:
-        log.info(
-            "largest blur radius of a frame: %g px (5 %% of frames) to %g px (95 %%), median %g px",
-            *(radius[name] for name in ("p5", "p95", "median")),
+        blur = (
+            f"the largest blur radius of a frame is {radius['median']} px (median), {radius['p5']} to "
+            f"{radius['p95']} px from the 5th to the 95th percentile"
         )
+    log.info("%s: %s%s", output, depth, blur)
     for found in summary["suspicions"].values():
         log.warning(
             "%d of %d frames, the first is %s: %s",

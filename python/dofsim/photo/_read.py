@@ -29,6 +29,8 @@ _AVIF_BRANDS = {b"avif", b"avis"}
 # The most pixels to a byte of a file: a plain picture of HEIC takes a hundredth of a bit a pixel.
 _PIXELS_A_BYTE = 1000
 _LEAST_BOUND = 1 << 26
+# What `dofsim.render` is for: light or arrays, not photographs.
+_RENDERS = ("exr", "npy", "npz")
 
 
 def read(path: StrPath, depth: StrPath | None = None, *, depth_far_is_white: bool = False) -> Photo:
@@ -147,6 +149,8 @@ def _readers(path: StrPath) -> Callable[[StrPath], tuple[Photo, int]]:
 
 
 def _read_raster(path: StrPath) -> tuple[Photo, int]:
+    if (kind := _datasets.file_kind(path)) in _RENDERS:
+        raise ValueError(f"{path}: a file of kind {kind} is no photograph; dofsim.render takes its pixels")
     pixels, alpha, beside = _dofsim.read_raster(path, turned=True)
     if pixels.dtype not in (np.uint8, np.uint16):
         raise ValueError(f"{path}: found {pixels.dtype} of shape {pixels.shape}; a photograph has integers")
