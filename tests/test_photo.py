@@ -449,6 +449,13 @@ def test_a_long_photograph_says_how_far_it_is(tmp_path, capsys, monkeypatch):
 
     monkeypatch.setattr(_console, "_FIRST_WORD_S", 0.0)
     monkeypatch.setattr(_console, "_LOOK_S", 0.001)
+    patience, watched = _console.patience, []
+
+    def watch(what, *, out=None):
+        watched.append(out)
+        return patience(what, out=out)
+
+    monkeypatch.setattr(_console, "patience", watch)
     jpeg(tmp_path / "in.jpg")
     depth = png(tmp_path / "d.png", NEARNESS)
     arguments = ["photo", str(tmp_path / "in.jpg"), str(depth), "-o", str(tmp_path / "out.jpg")]
@@ -457,3 +464,7 @@ def test_a_long_photograph_says_how_far_it_is(tmp_path, capsys, monkeypatch):
     assert f"refining the depth of {WIDTH} x {HEIGHT}: " in said
     assert f"rendering {WIDTH} x {HEIGHT}: " in said
     assert "--method" not in said
+    # What is rendered into tells how much is done.
+    assert watched[0] is None
+    assert watched[1].shape == PICTURE.shape
+    assert not np.isnan(watched[1]).any()

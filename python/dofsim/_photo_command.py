@@ -184,10 +184,14 @@ def photo_command(
             f"{matte}: must have the size of the photograph, {width} x {height}; got "
             f"{cover.shape[1]} x {cover.shape[0]}"
         )
-    aperture: dict[str, Any] = {} if blades is None else {"aperture": dofsim.Aperture(blades=blades)}
+    words: dict[str, Any] = {} if blades is None else {"aperture": dofsim.Aperture(blades=blades)}
     log.debug("%r", lens)
     _console.wake(device, verbose=verbose)
-    with _console.patience(f"rendering {width} x {height}"):
+    # What is not rendered yet is NaN. With a matte, layers are rendered, which have alpha.
+    shape = shot.image.pixels[..., :-1].shape if shot.image.alpha != "none" else shot.image.pixels.shape
+    if cover is None:
+        words["out"] = np.full(shape, np.nan, np.float32)
+    with _console.patience(f"rendering {width} x {height}", out=words.get("out")):
         result = photos.render(
             shot,
             plane,
@@ -196,7 +200,7 @@ def photo_command(
             restore_highlights=restore_highlights,
             keep_grain=keep_grain,
             device=device,
-            **aperture,
+            **words,
         )
     photos.write(output, result, shot, quality=quality)
     if save_depth is not None:
