@@ -311,9 +311,21 @@ def test_a_dry_run_writes_nothing_and_checks_all(few, capsys):
     out, err = capsys.readouterr()
     assert out.splitlines()[1] == "rgb/0001.exr + depth/0001_depth.pfm -> out/0001.exr"
     assert len(out.splitlines()) == 4
+    assert re.search(r"rgb/0000.exr: depth [\d.]+ to [\d.]+ m; the largest blur radius is [\d.]+ px\n", err)
     assert "4 frames; nothing was written" in err
     assert not Path("out").exists()
     assert batch("rgb", "depth", "-o", "out", *LENS_OPTIONS, "--dry-run", "--method", "fast") == 2
+    # What is wrong with the first frame is wrong with all, as a rule.
+    capsys.readouterr()
+    arguments = ["rgb", "depth", "-o", "out", "--aperture-radius", "0.1", "--fov", "40", "--dry-run"]
+    assert batch(*arguments, "--focus-at", "9000,1") == 2
+    out, err = capsys.readouterr()
+    assert len(out.splitlines()) == 4
+    assert "dofsim: rgb/0000.exr: --focus-at: x must lie within" in err
+    tiny = ["--aperture-radius", "1e-6", "--focus-distance", "3", "--fov", "40"]
+    assert batch("rgb", "depth", "-o", "out", *tiny, "--dry-run") == 0
+    assert "dofsim: rgb/0000.exr: the blur is too small to see" in capsys.readouterr().err
+    assert not Path("out").exists()
 
 
 def test_the_first_frames_alone(few, capsys):
