@@ -360,6 +360,6 @@ impl PyScene {
 
     fn __repr__(&self) -> String {
         let Size { width, height, channels } = self.output().1;
-        format!("<dofsim.Scene of {height} x {width} pixels, {channels} channels>")
+        format!("<dofsim.Scene of {width} x {height} pixels, {channels} channels>")
     }
 }
