@@ -166,7 +166,7 @@ class Camera:
 
 
 def read_cameras(path: StrPath, *, size: tuple[int, int] | None = None) -> list[Camera]:
-    """Read the cameras of a file or a folder.
+    """Return the cameras that a file or a folder describes.
 
     Parameters
     ----------

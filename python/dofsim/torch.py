@@ -305,7 +305,7 @@ class DepthOfField(Dataset[Any]):
         self.epoch = 0
 
     def set_epoch(self, epoch: int) -> None:
-        """Draw other lenses from now on.
+        """Set the epoch, by which other lenses are drawn.
 
         Parameters
         ----------

@@ -34,7 +34,7 @@ _RENDERS = ("exr", "npy", "npz")
 
 
 def read(path: StrPath, depth: StrPath | None = None, *, depth_far_is_white: bool = False) -> Photo:
-    """Read a photograph, upright, and its depth.
+    """Return a photograph, upright, with its depth.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def read(path: StrPath, depth: StrPath | None = None, *, depth_far_is_white: boo
 
 
 def read_depth(path: StrPath, *, far_is_white: bool = False) -> NDArray[np.float32]:
-    """Read a depth map of any kind as relative disparity.
+    """Return a depth map of any kind as relative disparity.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def read_depth(path: StrPath, *, far_is_white: bool = False) -> NDArray[np.float
 
 
 def read_matte(path: StrPath) -> NDArray[np.float32]:
-    """Read a matte: a grey picture, white where the subject is.
+    """Return the matte in a grey picture that is white where the subject is.
 
     Parameters
     ----------
