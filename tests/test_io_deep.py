@@ -127,6 +127,55 @@ def test_neighbours_in_disparity_are_merged_first_at_their_mean():
     assert (1 / depth[:, 0, 0]).tolist() == pytest.approx([near, 0.6 * pair[1] + 0.4 * pair[0], far])
 
 
+def volume(z, back, alpha, red):
+    """Make one pixel of volumes."""
+    values = {"A": alpha, "Z": z, "ZBack": back, "R": red, "G": np.zeros(len(z)), "B": np.zeros(len(z))}
+    return cells((1, 1), lambda *_: values)
+
+
+def test_a_volume_is_split_at_even_disparities_and_stops_as_much():
+    color, depth = flatten(volume([1.0], [4.0], [0.9], [0.6]), 3)
+    # Six pieces of a share of the way each, merged to three of two.
+    disparity = np.linspace(1.0, 0.25, 7)
+    share = np.diff(1 / disparity) / 3.0
+    stopped = 1.0 - 0.1**share
+    expected = 1.0 - (1.0 - stopped[0::2]) * (1.0 - stopped[1::2])
+    np.testing.assert_allclose(color[:, 0, 0, 3], expected, rtol=1e-5)
+    np.testing.assert_allclose(flat(color)[0, 0], [0.6, 0.0, 0.0, 0.9], rtol=1e-5)
+    bounds = 1 / depth[:, 0, 0]
+    assert np.all((bounds < disparity[0:6:2]) & (bounds > disparity[2::2]))
+
+
+def test_two_halves_of_a_volume_are_the_volume():
+    halves = 1.0 - np.sqrt(0.2)
+    red = 0.5 * halves / 0.8
+    whole = flatten(volume([1.0], [3.0], [0.8], [0.5]), 24)
+    split = flatten(volume([1.0, 2.0], [2.0, 3.0], [halves] * 2, [red] * 2), 24)
+    np.testing.assert_allclose(flat(split[0]), flat(whole[0]), rtol=1e-5)
+    # The disparity at which half of the light has been stopped, or any other part of it.
+    parts = np.linspace(0.1, 0.7, 7)
+    seen = []
+    for color, depth in (whole, split):
+        stopped = 1.0 - np.cumprod(1.0 - color[:, 0, 0, 3].astype(float))
+        seen.append(np.interp(parts, stopped, 1 / depth[:, 0, 0]))
+    np.testing.assert_allclose(seen[1], seen[0], rtol=0.02)
+
+
+def test_solid_and_thin_volumes():
+    # What is opaque is seen at its front; what has no extent, or no end, stands where it begins.
+    color, depth = flatten(volume([1.0, 5.0], [2.0, 6.0], [1.0, 1.0], [0.5, 0.7]), 4)
+    assert (color[0, 0, 0, 0], color[0, 0, 0, 3]) == (0.5, 1.0)
+    assert depth[0, 0, 0] < 1.2
+    thin = {"A": [0.5, 0.25], "Z": [1.0, 2.0], "R": [0.1, 0.2], "G": [0, 0], "B": [0, 0]}
+    for back in ([1.0, 2.0], [0.5, np.inf]):
+        for found, expected in zip(
+            flatten(volume(thin["Z"], back, thin["A"], thin["R"]), 4),
+            flatten(cells((1, 1), lambda *_: thin), 4),
+            strict=True,
+        ):
+            np.testing.assert_array_equal(found, expected)
+
+
 def test_light_without_coverage_keeps_its_place_and_its_light():
     glow = {"A": [0.0, 1.0], "Z": [1.0, 2.0], "R": [5.0, 0.25], "G": [0, 0], "B": [0, 0]}
     color, depth = flatten(cells((1, 1), lambda *_: glow), 4)

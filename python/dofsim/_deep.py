@@ -21,6 +21,8 @@ _MAGIC = 20000630
 _HAS_DEEP = 1 << 11
 # The coverage of a sample that gives light and has none: without any it would have no place in a layer.
 _GLOW_ALPHA = 1e-3
+# Pieces of a pixel's range of disparity for each layer. Two for one leave the merging its choice.
+_PIECES_PER_LAYER = 2
 # Pixels whose samples are read together, and the samples, padded, that are put in order together.
 _CHUNK = 1 << 18
 _PADDED = 1 << 20
@@ -53,10 +55,11 @@ def read_deep(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Read the deep part of a file as layers.
 
-    Samples are sorted by depth; a sample from Z to ZBack stands at Z. Where there are more than `max_layers`
-    of them, neighbours are merged, those first whose merging moves the least light by the least disparity:
-    two become one of their colour over each other, at their mean disparity by visible coverage. So a pixel
-    looks as it did, and the circle of confusion, which is linear in disparity, is right in the mean.
+    Samples are sorted by depth. A volume, from Z to ZBack, is split into pieces of even disparity that
+    together stop as much light. Where there are more than `max_layers` samples, neighbours are merged, those
+    first whose merging moves the least light by the least disparity: two become one of their colour over each
+    other, at their mean disparity by visible coverage. So a pixel looks as it did, and the circle of
+    confusion, which is linear in disparity, is right in the mean.
 
     Parameters
     ----------
@@ -113,7 +116,8 @@ def flatten(
     ----------
     channels : mapping of str to ndarray of object
         For every channel, the samples of each pixel as an array; ``None`` for none. ``Z`` is needed; ``R``,
-        ``G``, ``B`` (or ``Y``) and ``A`` are used. Without ``A`` samples are opaque.
+        ``G``, ``B`` (or ``Y``), ``A`` and ``ZBack`` are used. Without ``A`` samples are opaque, without
+        ``ZBack`` they are thin.
     max_layers : int
         The most layers.
 
@@ -137,6 +141,8 @@ def flatten(
             present = flat[source][pixels] if source in flat else None
             default = np.full_like(values["Z"], 1.0 if name == "A" else 0.0)
             values[name] = default if present is None else _joined(present, counts)
+        if "ZBack" in flat:
+            values, counts = _in_pieces(values, _joined(flat["ZBack"][pixels], counts), counts, max_layers)
         layered = _layered(values, counts, max_layers)
         color.append(np.stack([layered[name] for name in "RGBA"], axis=-1))
         depth.append(layered["Z"])
@@ -155,6 +161,45 @@ def _joined(pixels: NDArray[Any], counts: NDArray[np.intp]) -> NDArray[np.float3
     if joined.size != counts.sum():
         raise ValueError("the channels of a deep part differ in their numbers of samples")
     return joined
+
+
+def _in_pieces(
+    values: Samples, back: NDArray[np.float32], counts: NDArray[np.intp], max_layers: int
+) -> tuple[Samples, NDArray[np.intp]]:
+    """Split volumes into thin samples, where their circles of confusion differ.
+
+    A volume of even density passes the same part of the light on every length of its way, so the piece of it
+    that is the share f of its depth stops ``1 - (1 - alpha)^f``. Its colour is to the whole as its alpha is
+    (OpenEXR's *Interpreting deep pixels*).
+    """
+    front = values["Z"]
+    is_volume = (back > front) & (front > 0) & np.isfinite(back)
+    near, far = _inverse(front), _inverse(np.where(is_volume, back, front))
+    # The disparity of a piece, as layers divide that of its pixel.
+    pixel = np.repeat(np.arange(counts.size), counts)
+    most, least = np.full(counts.size, -np.inf, np.float32), np.full(counts.size, np.inf, np.float32)
+    np.maximum.at(most, pixel, near)
+    np.minimum.at(least, pixel, far)
+    step = ((most - least) / (_PIECES_PER_LAYER * max_layers))[pixel]
+    pieces = np.ones(front.size, np.intp)
+    pieces[is_volume] = np.ceil((near - far)[is_volume] / step[is_volume])
+    sample = np.repeat(np.arange(front.size), pieces)
+    number = np.arange(sample.size) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    split = {name: plane[sample] for name, plane in values.items()}
+    of_volume = is_volume[sample]
+    near, far = near[sample][of_volume], far[sample][of_volume]
+    number, count = number[of_volume], pieces[sample][of_volume]
+    bounds = [near - (near - far) * (number + end) / count for end in (0, 1)]
+    share = (1 / bounds[1] - 1 / bounds[0]) / (1 / far - 1 / near)
+    split["Z"][of_volume] = 2 / (bounds[0] + bounds[1])
+    alpha = np.clip(split["A"][of_volume], 0, 1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        stopped = -np.expm1(share * np.log1p(-alpha))
+        part = np.where(alpha > 0, stopped / alpha, share)
+    split["A"][of_volume] = stopped
+    for name in "RGB":
+        split[name][of_volume] *= part
+    return split, np.bincount(pixel, weights=pieces, minlength=counts.size).astype(np.intp)
 
 
 def _layered(values: Samples, counts: NDArray[np.intp], max_layers: int) -> Samples:

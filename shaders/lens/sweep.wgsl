@@ -45,12 +45,17 @@ struct Segment {
     base: vec2<f32>,
 }
 
+// The colour of a cell that a ray meets, and how much of its light arrives.
+struct Met {
+    color: vec4<f32>,
+    weight: f32,
+}
+
 const MISSED_NOTHING: u32 = 1u;
 const BATCH: u32 = 64u;
 const CAPACITY: u32 = 16u;
 // Number of pixels of a thread, four rows apart. Each has a named sum of its own, so that all stay in registers.
 const ROWS: u32 = 4u;
-const NO_CELL: u32 = 0xffffffffu;
 
 override CHANNELS: u32 = 3u;
 
@@ -78,8 +83,11 @@ var<private> sum_0: vec4<f32>;
 var<private> sum_1: vec4<f32>;
 var<private> sum_2: vec4<f32>;
 var<private> sum_3: vec4<f32>;
-// One bit per row: whether its pixel has not met a cell yet.
-var<private> waiting: u32;
+// What is left of each row's ray behind what it has met: all of it, or none if the pixel does not see the sample.
+var<private> left_0: f32;
+var<private> left_1: f32;
+var<private> left_2: f32;
+var<private> left_3: f32;
 
 fn lens_sample_at(i: u32) -> LensSample {
     let slopes = bitcast<vec4<f32>>(traces[2u * i]);
@@ -169,63 +177,129 @@ fn rows_that_see(sample: LensSample, rows: u32) -> u32 {
     return seen;
 }
 
-// Whether a ray passes through the part of its pixel that a cell covers.
-fn is_covered(cell: u32, at: vec2<i32>, slope: vec2<f32>, segment: Segment) -> bool {
+// The fraction of a ray's light that a cell stops: none where it passes beside what the cell covers.
+fn opacity_of(cell: u32, at: vec2<i32>, slope: vec2<f32>, segment: Segment) -> f32 {
     let number = half_planes[cell];
     if number == 0u {
-        return true;
+        return 1.0;
     }
-    let words = params.layers * params.size.x * params.size.y + 3u * (number - 1u);
+    let words = params.layers * params.size.x * params.size.y + 4u * (number - 1u);
     let normal = vec2(bitcast<f32>(half_planes[words]), bitcast<f32>(half_planes[words + 1u]))
         * mirroring(params.size, at.x, at.y);
     let ray = slope * f32(farthest(codes[cell])) + segment.base;
-    return normal.x * ray.x + normal.y * ray.y <= bitcast<f32>(half_planes[words + 2u]);
+    let is_beside = normal.x * ray.x + normal.y * ray.y > bitcast<f32>(half_planes[words + 2u]);
+    return select(bitcast<f32>(half_planes[words + 3u]), 0.0, is_beside);
 }
 
-// The cell that a pixel meets in one segment of one layer, if the pixel has not met one yet.
-fn cell_met(row: u32, slope: vec2<f32>, segment: Segment, first: vec2<i32>, column: u32, layer: u32) -> u32 {
-    if (waiting & (1u << row)) == 0u {
-        return NO_CELL;
-    }
-    let at = vec2(first.x, first.y + 4 * i32(row));
-    let line = layer * params.size.y + u32(mirrored(at.y, i32(params.size.y)));
-    let cell = line * params.size.x + column;
-    let depths = codes[cell];
-    let hit = nearest(depths) >= (segment.codes & 0xffffu) && farthest(depths) < (segment.codes >> 16u);
-    if !hit || !is_covered(cell, at, slope, segment) {
-        return NO_CELL;
-    }
-    waiting &= ~(1u << row);
-    return cell;
+// A segment of a sample, in one layer.
+struct Step {
+    segment: Segment,
+    slope: vec2<f32>,
+    // The cell that the first row's pixel would meet, and its column in the frame.
+    first: vec2<i32>,
+    column: u32,
+    layer: u32,
 }
 
-// The colour of a cell, or 0 if there is no cell.
-fn color_of(cell: u32) -> vec4<f32> {
-    if cell == NO_CELL {
-        return vec4<f32>();
-    }
-    return drawn[cell];
-}
-
-// Looks up the cells that the waiting pixels meet in one segment of one layer, and adds their colours.
-fn meet(sample: LensSample, i: u32, layer: u32) {
+fn step_at(sample: LensSample, i: u32, layer: u32) -> Step {
     let segment = segment_at(i);
     let slope = select(sample.behind, sample.in_front, i < sample.focus);
     let first = place + offset_of(segment);
-    let column = u32(mirrored(first.x, i32(params.size.x)));
-    sum_0 += color_of(cell_met(0u, slope, segment, first, column, layer));
-    sum_1 += color_of(cell_met(1u, slope, segment, first, column, layer));
-    sum_2 += color_of(cell_met(2u, slope, segment, first, column, layer));
-    sum_3 += color_of(cell_met(3u, slope, segment, first, column, layer));
+    return Step(segment, slope, first, u32(mirrored(first.x, i32(params.size.x))), layer);
+}
+
+// The cell that a row's pixel would meet.
+fn cell_of(step: Step, row: i32) -> u32 {
+    let line = step.layer * params.size.y + u32(mirrored(step.first.y + 4 * row, i32(params.size.y)));
+    return line * params.size.x + step.column;
+}
+
+// Whether a row's ray meets a cell in a step.
+fn is_met(step: Step, cell: u32) -> bool {
+    let depths = codes[cell];
+    return nearest(depths) >= (step.segment.codes & 0xffffu) && farthest(depths) < (step.segment.codes >> 16u);
+}
+
+const NOT_BESIDE: u32 = 0u;
+const IN_FRONT: u32 = 1u;
+const BEHIND: u32 = 2u;
+
+// On which side of the surface a ray is that comes from the pixel of one of two cells to that of the other, where it
+// begins with the code before `to`. The cells of a slope span the depths up to half-way to their neighbours, where they
+// touch; others are not one surface.
+fn side_between(a: u32, b: u32, to: u32) -> u32 {
+    let depths_a = codes[a];
+    let depths_b = codes[b];
+    let touch = depths_b != 0u
+        && farthest(depths_a) <= nearest(depths_b) + 1u && farthest(depths_b) <= nearest(depths_a) + 1u;
+    if !touch {
+        return NOT_BESIDE;
+    }
+    return select(IN_FRONT, BEHIND, to <= max(farthest(depths_a), farthest(depths_b)));
+}
+
+// Whether a row's ray crosses the surface of a cell in step `i`: it enters the pixel in front of the surface and leaves it
+// behind. On a slope, a ray may meet several cells of a surface that it crosses once.
+fn crosses(sample: LensSample, i: u32, step: Step, cell: u32, row: i32) -> bool {
+    if i > sample.first {
+        let before = step_at(sample, i - 1u, step.layer);
+        if side_between(cell, cell_of(before, row), step.segment.codes >> 16u) == BEHIND {
+            return false;
+        }
+    }
+    if i + 1u < sample.end {
+        let after = step_at(sample, i + 1u, step.layer);
+        return side_between(cell, cell_of(after, row), after.segment.codes >> 16u) != IN_FRONT;
+    }
+    return true;
+}
+
+// What a pixel meets in one step, of whose light the part `left` would arrive: its colour, and how much of that does
+// arrive.
+fn met_by(row: i32, left: f32, sample: LensSample, i: u32, step: Step) -> Met {
+    if left <= 0.0 {
+        return Met();
+    }
+    let cell = cell_of(step, row);
+    if !is_met(step, cell) {
+        return Met();
+    }
+    let opacity = opacity_of(cell, vec2(step.first.x, step.first.y + 4 * row), step.slope, step.segment);
+    if opacity <= 0.0 || (opacity < 1.0 && !crosses(sample, i, step, cell, row)) {
+        return Met();
+    }
+    return Met(drawn[cell], left * opacity);
+}
+
+// Looks up the cells that the pixels meet in one segment of one layer, and adds their light.
+fn meet(sample: LensSample, i: u32, layer: u32) {
+    let step = step_at(sample, i, layer);
+    let met_0 = met_by(0, left_0, sample, i, step);
+    let met_1 = met_by(1, left_1, sample, i, step);
+    let met_2 = met_by(2, left_2, sample, i, step);
+    let met_3 = met_by(3, left_3, sample, i, step);
+    sum_0 += met_0.weight * met_0.color;
+    sum_1 += met_1.weight * met_1.color;
+    sum_2 += met_2.weight * met_2.color;
+    sum_3 += met_3.weight * met_3.color;
+    left_0 -= met_0.weight;
+    left_1 -= met_1.weight;
+    left_2 -= met_2.weight;
+    left_3 -= met_3.weight;
+}
+
+// Whether nothing is left of any ray.
+fn is_over() -> bool {
+    return max(max(left_0, left_1), max(left_2, left_3)) <= 0.0;
 }
 
 // Follows one sample, whose segments have been picked.
 fn follow(tile: u32, sample: LensSample, slot: u32) {
-    for (var i = 0u; i < met_count[slot] && waiting != 0u; i++) {
+    for (var i = 0u; i < met_count[slot] && !is_over(); i++) {
         let found = met[slot * CAPACITY + i];
         meet(sample, found.x, found.y);
     }
-    for (var i = first_untested[slot]; i < sample.end && waiting != 0u; i++) {
+    for (var i = first_untested[slot]; i < sample.end && !is_over(); i++) {
         if is_occupied(tile, segment_at(i)) {
             for (var layer = 0u; layer < params.layers; layer++) {
                 meet(sample, i, layer);
@@ -241,6 +315,11 @@ fn mean(sum: vec4<f32>, count: f32, pixel: u32) -> vec4<f32> {
     }
     // If no sample met a cell, the pixel keeps the colour of its own cell.
     return drawn[pixel];
+}
+
+// 1 for each row that has a bit.
+fn ones_of(rows: u32) -> vec4<f32> {
+    return vec4<f32>((vec4(rows) >> vec4(0u, 1u, 2u, 3u)) & vec4(1u));
 }
 
 fn pixel_of(own: vec2<u32>, row: u32) -> u32 {
@@ -325,12 +404,14 @@ fn sweep(
         workgroupBarrier();
         for (var slot = 0u; slot < here; slot++) {
             let sample = lens_sample_at(first + slot);
-            let seeing = rows_that_see(sample, rows);
-            waiting = seeing;
+            let seeing = ones_of(rows_that_see(sample, rows));
+            left_0 = seeing.x;
+            left_1 = seeing.y;
+            left_2 = seeing.z;
+            left_3 = seeing.w;
             follow(tile, sample, slot);
-            let missed = select(waiting, 0u, params.missed == MISSED_NOTHING);
-            let out = (rows & ~seeing) | missed;
-            left_out += vec4<f32>((vec4(out) >> vec4(0u, 1u, 2u, 3u)) & vec4(1u));
+            let missed = select(vec4(left_0, left_1, left_2, left_3), vec4<f32>(), params.missed == MISSED_NOTHING);
+            left_out += ones_of(rows) - seeing + missed;
         }
     }
     let is_last = count == tiles[tile].samples;

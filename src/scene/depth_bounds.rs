@@ -5,6 +5,7 @@ use super::depth_codes::DepthCodes;
 use super::depth_spans::DepthSpans;
 use super::edges::EDGE;
 use super::grid::BLOCK;
+use super::layer::SceneLayer;
 use crate::picture::Size;
 use crate::simd::Simd;
 use rayon::prelude::*;
@@ -96,12 +97,12 @@ fn steepness(spans: &DepthSpans, first: usize, stride: usize, (columns, rows): (
 }
 
 impl DepthBounds {
-    /// The blocks of the unpadded frame. `connectivity` is that of the first layer, if it has any.
+    /// The blocks of the unpadded frame; `front` is its first layer.
     pub fn new(
         size: Size,
         depths: &[DepthSpans],
         codes: &DepthCodes,
-        connectivity: &[u8],
+        front: &SceneLayer,
         simd: Simd,
     ) -> DepthBounds {
         let codes_per_px = (1.0 / codes.step()) as u16;
@@ -110,7 +111,7 @@ impl DepthBounds {
             let (x0, y0) = (b % across * BLOCK, b / across * BLOCK);
             let n = BLOCK.min(size.width - x0);
             let rows = || (y0..(y0 + BLOCK).min(size.height)).map(|y| y * size.width + x0);
-            let (mut range, mut smooth) = ((u16::MAX, 0u16), !connectivity.is_empty());
+            let (mut range, mut smooth) = ((u16::MAX, 0u16), !front.connectivity.is_empty());
             let mut occupied = vec![[0u64; 4]; depths.len()];
             for (k, depths) in depths.iter().enumerate() {
                 let mut own = Summary { range: (u16::MAX, 0), whole: true };
@@ -144,8 +145,10 @@ impl DepthBounds {
                     }
                 }
             }
-            smooth = smooth
-                && rows().all(|at| connectivity[at..at + n].iter().fold(0, |all, l| all | l) & EDGE == 0);
+            // All of it is opaque, and one surface.
+            let has_edge =
+                |at: usize| front.connectivity[at..at + n].iter().fold(0, |all, l| all | l) & EDGE != 0;
+            smooth = smooth && rows().all(|at| !has_edge(at) && !front.covers_partly_any(at..at + n));
             let (first, extent) = (y0 * size.width + x0, (n, rows().len()));
             let smooth = smooth.then(|| {
                 simd.run(

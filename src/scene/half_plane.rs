@@ -1,4 +1,4 @@
-//! Coverage of a pixel by a straight edge.
+//! Coverage of a pixel by a straight edge, or by something that light passes through.
 
 /// A partly covered pixel as a half-plane. The covered part of the pixel satisfies `normal . f <= cut`, where `f` is
 /// measured from the pixel's centre and lies within half a pixel.
@@ -8,6 +8,8 @@ pub struct HalfPlane {
     pub cut: f32,
     /// The fraction of the pixel that it covers.
     pub area: f32,
+    /// The fraction of light that the covered part stops.
+    pub opacity: f32,
 }
 
 /// The area of a pixel in which `normal . f <= cut`; undoes [`HalfPlane::with_area`].
@@ -18,18 +20,40 @@ pub fn area_below(normal: [f32; 2], cut: f32) -> f32 {
     if cut <= 0.0 { small } else { 1.0 - small }
 }
 
+/// A line so far from the centre, in pixels, covers the whole of the pixel, and of every beam one pixel wide that passes
+/// within a pixel.
+const BEYOND: f32 = 4.0;
+
 impl HalfPlane {
-    /// The half-plane of the given unit normal that covers the fraction `area` of the pixel.
+    /// The opaque half-plane of the given unit normal that covers the fraction `area` of the pixel.
     pub fn with_area(normal: [f32; 2], area: f32) -> HalfPlane {
         let (p, q) = (normal[0].abs().min(normal[1].abs()), normal[0].abs().max(normal[1].abs()));
         // How far the line has moved in from the corner: the area grows first as a triangle, then as a band.
         let small = area.min(1.0 - area);
         let moved = if small <= 0.5 * p / q { (2.0 * p * q * small).sqrt() } else { small * q + 0.5 * p };
         let cut = moved - 0.5 * (p + q);
-        HalfPlane { normal, cut: if area <= 0.5 { cut } else { -cut }, area }
+        HalfPlane { normal, cut: if area <= 0.5 { cut } else { -cut }, area, opacity: 1.0 }
     }
 
-    /// The half-plane of a pixel with this coverage, from the coverage of its 3x3 neighbourhood (rows of three, y
+    /// The fraction of light that the pixel stops.
+    pub fn coverage(&self) -> f32 {
+        self.area * self.opacity
+    }
+
+    /// The half-plane of a pixel of what is as opaque as it is anywhere around: its coverage is less where it ends.
+    ///
+    /// Beside an edge, some pixel around is covered entirely. Where none is, no edge makes the coverage less than whole:
+    /// light passes through, as through fog and glass. An edge of glass is both.
+    pub fn of_layer(around: [[f32; 3]; 3], index: usize) -> HalfPlane {
+        let opacity = around.iter().flatten().fold(0.0, |most: f32, &v| most.max(v)).min(1.0);
+        if around[1][1] >= opacity {
+            return HalfPlane { normal: [1.0, 0.0], cut: BEYOND, area: 1.0, opacity };
+        }
+        let plane = HalfPlane::from_coverage(around.map(|row| row.map(|v| v / opacity)), index);
+        HalfPlane { opacity, ..plane }
+    }
+
+    /// The opaque half-plane of a pixel with this coverage, from the coverage of its 3x3 neighbourhood (rows of three, y
     /// down).
     ///
     /// Where the gradient gives no direction, as in hair, one is drawn from the position: any direction has the right
@@ -69,6 +93,18 @@ mod tests {
             let other = area_below(plane.normal.map(|n| -n), -plane.cut);
             prop_assert!((other - (1.0 - area)).abs() < 1e-5);
         }
+    }
+
+    #[test]
+    fn coverage_is_opacity_where_nothing_ends() {
+        let even = HalfPlane::of_layer([[0.3; 3]; 3], 7);
+        assert_eq!((even.area, even.opacity), (1.0, 0.3));
+        assert_eq!(area_below(even.normal, even.cut - 1.0), 1.0);
+        let edge = [[0.0, 0.25, 1.0]; 3];
+        assert_eq!(HalfPlane::of_layer(edge, 7), HalfPlane::from_coverage(edge, 7));
+        let of_glass = HalfPlane::of_layer(edge.map(|row| row.map(|v| 0.5 * v)), 7);
+        assert_eq!(of_glass, HalfPlane { opacity: 0.5, ..HalfPlane::from_coverage(edge, 7) });
+        assert!((of_glass.coverage() - 0.125).abs() < 1e-7);
     }
 
     #[test]

@@ -192,7 +192,7 @@ pub fn find(size: Size, layers: &[SceneLayer], simd: Simd) -> Vec<Vec<Bright>> {
         let bright = |index: usize| {
             let (color, excess) = (layer.colors.at(index), excess(index));
             let area = match layer.partial.binary_search_by_key(&index, |p| p.0) {
-                Ok(i) => layer.partial[i].1.area,
+                Ok(i) => layer.partial[i].1.coverage(),
                 Err(_) => 1.0,
             };
             Bright { index, dim: std::array::from_fn(|c| color[c] - excess[c]), excess, area }

@@ -3,6 +3,7 @@
 use super::colors::Colors;
 use super::half_plane::HalfPlane;
 use crate::memory::Buffer;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// A layer holds at most one cell per pixel. The layers of single channels share everything but the colours.
@@ -21,6 +22,12 @@ pub struct SceneLayer {
 }
 
 impl SceneLayer {
+    /// Whether some cell of a range of pixels covers its pixel only partly.
+    pub fn covers_partly_any(&self, pixels: Range<usize>) -> bool {
+        let next = self.partial.partition_point(|(partial, _)| *partial < pixels.start);
+        self.partial.get(next).is_some_and(|(partial, _)| *partial < pixels.end)
+    }
+
     /// Whether the cell at a pixel covers it only partly.
     pub fn covers_partly(&self, index: usize) -> bool {
         self.partial.binary_search_by_key(&index, |(partial, _)| *partial).is_ok()

@@ -55,7 +55,7 @@ impl LayeredScene {
         let codes = DepthCodes::new(shifts);
         let depths: Vec<_> =
             (0..layers.len()).map(|layer| DepthSpans::new(&layers, size, layer, &codes, simd)).collect();
-        let bounds = DepthBounds::new(size, &depths, &codes, &layers[0].connectivity, simd);
+        let bounds = DepthBounds::new(size, &depths, &codes, &layers[0], simd);
         let (depths, bounds) = (Arc::new(depths), Arc::new(bounds));
         LayeredScene { size, layers, opaque, shifts, codes, depths, bounds, bright: OnceLock::new() }
     }
@@ -446,7 +446,7 @@ fn layer_half_planes(size: Size, coverage: &[f32]) -> Vec<(usize, HalfPlane)> {
                     coverage[clamped(y, j, size.height) * size.width + clamped(x, i, size.width)]
                 })
             });
-            (index, HalfPlane::from_coverage(around, index))
+            (index, HalfPlane::of_layer(around, index))
         })
         .collect()
 }

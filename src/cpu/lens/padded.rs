@@ -19,6 +19,8 @@ pub struct Padded {
     /// The largest shift, in front of the focus plane or behind it.
     pub reach_px: f64,
     pub layers: Vec<PaddedLayer>,
+    /// Whether light passes through some cell.
+    pub translucent: bool,
     pub bounds: DepthBounds,
     /// See [`padded_bounds::windows`].
     pub windows: Vec<DepthBits>,
@@ -41,7 +43,8 @@ impl Padded {
             .map(|(k, (layer, d))| PaddedLayer::new(d, layer, &padding, Present::new(&bounds, k, needed)))
             .collect();
         let (windows, patches) = (padded_bounds::windows(&bounds), PatchBounds::new(&layers, &padding, simd));
-        Padded { padding, codes: scene.codes, reach_px, layers, bounds, windows, patches }
+        let translucent = layers.iter().any(|layer| layer.partial.translucent);
+        Padded { padding, codes: scene.codes, reach_px, layers, translucent, bounds, windows, patches }
     }
 
     /// Lays out the colours of all layers in all groups of channels, widened or sharpened to their footprint. Where they are

@@ -18,6 +18,9 @@ pub struct PartialPlanes {
     pub normal_x: Buffer<f32>,
     pub normal_y: Buffer<f32>,
     pub cut: Buffer<f32>,
+    pub opacity: Buffer<f32>,
+    /// Whether some light passes through any of them.
+    pub translucent: bool,
 }
 
 impl PartialPlanes {
@@ -26,14 +29,16 @@ impl PartialPlanes {
         let cells = stride * padding.rows;
         // The sweep reads eight bytes at a time.
         let bits = vec![0; cells / 8 + 8];
-        let [normal_x, normal_y, cut] =
+        let [normal_x, normal_y, cut, opacity] =
             std::array::from_fn(|_| Buffer::unset(if layer.partial.is_empty() { 0 } else { cells }));
-        let mut planes = PartialPlanes { bits, normal_x, normal_y, cut };
+        let translucent = layer.partial.par_iter().any(|(_, plane)| plane.opacity < 1.0);
+        let mut planes = PartialPlanes { bits, normal_x, normal_y, cut, opacity, translucent };
         let place = |index: usize| layer.partial.partition_point(|(i, _)| *i < index);
         let rows = (planes.normal_x.par_chunks_mut(stride), planes.normal_y.par_chunks_mut(stride));
         let rows = rows.into_par_iter().zip(planes.cut.par_chunks_mut(stride));
+        let rows = rows.zip(planes.opacity.par_chunks_mut(stride));
         let rows = rows.zip(planes.bits.par_chunks_mut(stride / 8)).enumerate();
-        rows.for_each(|(py, (((normal_x, normal_y), cut), bits))| {
+        rows.for_each(|(py, ((((normal_x, normal_y), cut), opacity), bits))| {
             let (y, flip_y) = padding.row(py);
             for (index, plane) in &layer.partial[place(y * width)..place((y + 1) * width)] {
                 for (px, flip_x) in padding.columns_of(index % width).filter(|(px, _)| present.at(*px, py)) {
@@ -41,6 +46,7 @@ impl PartialPlanes {
                     normal_x[px] = if flip_x { -plane.normal[0] } else { plane.normal[0] };
                     normal_y[px] = if flip_y { -plane.normal[1] } else { plane.normal[1] };
                     cut[px] = plane.cut;
+                    opacity[px] = plane.opacity;
                 }
             }
         });
@@ -54,7 +60,7 @@ impl PartialPlanes {
             return 1.0;
         }
         let normal = [self.normal_x[i], self.normal_y[i]];
-        area_below(normal, self.cut[i] - (normal[0] * at[0] + normal[1] * at[1]))
+        self.opacity[i] * area_below(normal, self.cut[i] - (normal[0] * at[0] + normal[1] * at[1]))
     }
 }
 

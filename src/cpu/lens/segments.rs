@@ -28,16 +28,28 @@ pub struct Segment {
 /// A segment of a ray, as traced.
 #[derive(Debug, Clone, Copy)]
 pub struct Traced {
-    segment: Segment,
+    pub segment: Segment,
     /// The query whether any cell is there.
     query: Query,
     pub ray: CellRay,
+    /// The number of its [`Step`]; 0 if there are none.
+    step: u32,
+}
+
+/// The interval of depth over which a ray stays in a pixel, whatever is there.
+#[derive(Debug, Clone, Copy)]
+pub struct Step {
+    pub offset: i32,
+    from: u16,
+    pub to: u16,
 }
 
 /// The segments of all samples over one tile.
 #[derive(Default)]
 pub struct Segments {
     pub traced: Vec<Traced>,
+    /// The steps of each sample's ray, `None` before its first one. Known only if light passes through something.
+    steps: Vec<Option<Step>>,
     /// The end of each sample's segments.
     ends: Vec<u32>,
     /// For each sample, the pixels of each row of the tile that see it. Empty if all pixels see all samples.
@@ -101,9 +113,18 @@ impl Segments {
         std::array::from_fn(|row| (self.seen[sample][y + row] >> x) as u32)
     }
 
+    /// The steps before and after that of a segment, where the ray comes from and goes to a pixel beside its own.
+    #[inline(always)]
+    pub fn steps_beside(&self, traced: &Traced) -> (Option<&Step>, Option<&Step>) {
+        let step = |number: usize| self.steps.get(number).and_then(Option::as_ref);
+        let Segment { from, to, .. } = traced.segment;
+        let number = traced.step as usize;
+        (step(number - 1).filter(|step| step.from == to), step(number + 1).filter(|step| step.to == from))
+    }
+
     /// Culls the segments for the part of the tile that begins at `place` in the padded frame.
     pub fn cull(&mut self, patches: &PatchBounds, place: (usize, usize)) {
-        let Segments { traced, ends, met, kept, unknown, seen } = self;
+        let Segments { traced, ends, met, kept, unknown, seen, .. } = self;
         let entry = patches.entry(place);
         // There is room for all segments, so keeping one only increments a counter.
         if kept.len() < traced.len() {
@@ -140,8 +161,10 @@ impl Segments {
         self.traced.clear();
         self.ends.clear();
         self.seen.clear();
+        self.steps.clear();
         let runs = runs(start.occupied);
         for sample in samples {
+            self.steps.push(None);
             if let Some(clip) = start.clip {
                 let Some(seen) = clip.pixels_seeing(sample.pupil, start.origin) else { continue };
                 self.seen.push(seen);
@@ -173,9 +196,12 @@ impl Segments {
             far,
             #[inline(always)]
             |cell, from, to| {
+                let offset = cell[1] * padded.padding.stride as i32 + cell[0];
+                if padded.translucent {
+                    self.steps.push(Some(Step { offset, from: from as u16, to: to as u16 }));
+                }
                 for (layer, bits) in start.depths_at(cell).iter().enumerate() {
                     if any_bin(bits, from >> 8, (to - 1) >> 8) {
-                        let offset = cell[1] * padded.padding.stride as i32 + cell[0];
                         let [bx, by] = ray.base_from(cell);
                         let (from, to, layer_number) = (from as u16, to as u16, layer as u32);
                         let number = self.traced.len() as u32;
@@ -183,6 +209,7 @@ impl Segments {
                             segment: Segment { offset, from, to, layer: layer_number, number },
                             query: padded.patches.query(cell, layer, from, to),
                             ray: CellRay { ax: ray.slope[0] as f32, bx, ay: ray.slope[1] as f32, by },
+                            step: self.steps.len() as u32 - 1,
                         });
                     }
                 }

@@ -8,7 +8,7 @@ use super::culling::PART;
 use super::lanes::{CellRay, HalfPlaneRow, Lanes, Portable};
 use super::padded::Padded;
 use super::padded_layer::{PaddedLayer, PartialPlanes};
-use super::segments::{ROWS, Segment, Segments};
+use super::segments::{ROWS, Segment, Segments, Step};
 use super::tile_color::TileColor;
 use crate::picture::ChannelGroup;
 use crate::plan::lens::Missed;
@@ -26,6 +26,9 @@ struct Hit {
     offset: i32,
     cells: [u32; ROWS],
 }
+
+/// How much of the light of each cell reaches the pixel that has met it.
+type Weights = [[f32; MOST]; ROWS];
 
 /// The data of a layer that the sweep reads.
 struct Planes<'a, const C: usize> {
@@ -77,17 +80,128 @@ impl<const C: usize> Planes<'_, C> {
             L::without(cells, L::mask(doubtful & !L::covered(&row)))
         }
     }
+
+    /// The depth codes that a cell spans, from the farthest to the nearest.
+    ///
+    /// # Safety
+    ///
+    /// The cell lies inside the padded arrays.
+    #[inline(always)]
+    unsafe fn span(&self, cell: usize) -> [u16; 2] {
+        // SAFETY: per the function's contract.
+        unsafe { [*self.lo.add(cell), *self.hi.add(cell)] }
+    }
+
+    /// The fraction of a ray's light that a cell stops where it covers its pixel.
+    ///
+    /// # Safety
+    ///
+    /// As for [`Planes::span`].
+    #[inline(always)]
+    unsafe fn opacity(&self, cell: usize) -> f32 {
+        // SAFETY: per the function's contract.
+        if unsafe { self.partial(cell) } & 1 != 0 { self.partial.opacity[cell] } else { 1.0 }
+    }
+
+    /// Whether a ray that comes from the pixel of one of two cells to that of the other, where it begins with the code
+    /// before `to`, is behind the surface there; `None` if they are not one surface.
+    ///
+    /// The cells of a slope span the depths up to half-way to their neighbours, where they touch.
+    ///
+    /// # Safety
+    ///
+    /// As for [`Planes::span`], for both cells.
+    #[inline(always)]
+    unsafe fn is_behind(&self, a: usize, b: usize, to: u16) -> Option<bool> {
+        // SAFETY: per the function's contract.
+        let [[lo_a, hi_a], [lo_b, hi_b]] = unsafe { [self.span(a), self.span(b)] };
+        let touch = hi_b > 0 && lo_a <= hi_b.saturating_add(1) && lo_b <= hi_a.saturating_add(1);
+        touch.then(|| to <= lo_a.max(lo_b))
+    }
+
+    /// Whether light passes through some of the given cells of two rows, the first of which starts at `at`.
+    ///
+    /// # Safety
+    ///
+    /// As for [`Planes::partial`].
+    #[inline(always)]
+    unsafe fn passes_light(&self, at: usize, stride: usize, cells: [u32; ROWS]) -> bool {
+        // SAFETY: per the function's contract.
+        let partial = || unsafe { [self.partial(at) & cells[0], self.partial(at + stride) & cells[1]] };
+        self.partial.translucent && partial() != [0; ROWS]
+    }
+}
+
+/// What is left of the rays of one sample behind what they have met.
+struct Left {
+    /// Whether any of them has met something that light passes through.
+    dimmed: bool,
+    /// Of a ray that has met nothing all. Defined if any is dimmed.
+    light: Weights,
+}
+
+impl Left {
+    /// Dims the rays that meet `cells` of a layer in a segment. Returns how much of each cell's light arrives, and the
+    /// rays of which nothing is left.
+    ///
+    /// On a slope, a ray may meet several cells of a surface that it crosses once. It crosses it in the pixel that it
+    /// enters in front of the surface and leaves behind it.
+    ///
+    /// # Safety
+    ///
+    /// The segment's cells lie inside the padded arrays, and `base` is the first pixel.
+    // Out of the loop of the sweep, which then keeps its sums in registers.
+    #[cold]
+    #[inline(never)]
+    unsafe fn dim<L: Lanes, const C: usize>(
+        &mut self,
+        layer: &Planes<C>,
+        (base, stride): (usize, usize),
+        (segments, number): (&Segments, u32),
+        cells: [u32; ROWS],
+    ) -> (Weights, [u32; ROWS]) {
+        if !self.dimmed {
+            *self = Left { dimmed: true, light: [[1.0; MOST]; ROWS] };
+        }
+        let (mut weights, mut ended) = ([[0.0; MOST]; ROWS], [0; ROWS]);
+        let own = &segments.traced[number as usize];
+        let (before, after) = segments.steps_beside(own);
+        let at = |pixel: usize, offset: i32| pixel.wrapping_add_signed(offset as isize);
+        for row in 0..ROWS {
+            for i in (0..L::CELLS).filter(|i| cells[row] >> i & 1 != 0) {
+                let pixel = base + row * stride + i;
+                let cell = at(pixel, own.segment.offset);
+                // SAFETY: per the function's contract.
+                let opacity = unsafe { layer.opacity(cell) };
+                let is_behind = |step: &Step, to: u16| {
+                    // SAFETY: a ray's steps stay inside the padded arrays.
+                    unsafe { layer.is_behind(cell, at(pixel, step.offset), to) }
+                };
+                let comes_from_behind =
+                    || before.and_then(|step| is_behind(step, own.segment.to)) == Some(true);
+                let stays_in_front = || after.and_then(|step| is_behind(step, step.to)) == Some(false);
+                if opacity < 1.0 && (comes_from_behind() || stays_in_front()) {
+                    continue;
+                }
+                let light = &mut self.light[row][i];
+                weights[row][i] = *light * opacity;
+                *light -= weights[row][i];
+                ended[row] |= u32::from(*light <= 0.0) << i;
+            }
+        }
+        (weights, ended)
+    }
 }
 
 /// What samples have met of pixels that are swept together.
 struct Swept<const C: usize> {
     sums: [[[f32; MOST]; C]; ROWS],
-    /// How many samples have met nothing.
-    missed: [[u16; MOST]; ROWS],
+    /// How many samples have met nothing; of one that light has passed through everything, the part that was left.
+    missed: [[f32; MOST]; ROWS],
 }
 
 impl<const C: usize> Swept<C> {
-    const NOTHING: Swept<C> = Swept { sums: [[[0.0; MOST]; C]; ROWS], missed: [[0; MOST]; ROWS] };
+    const NOTHING: Swept<C> = Swept { sums: [[[0.0; MOST]; C]; ROWS], missed: [[0.0; MOST]; ROWS] };
 }
 
 /// Sweeps `CELLS` x `ROWS` pixels and adds up every sample. The first pixel is at `at_tile` in the tile and at `base`
@@ -120,10 +234,14 @@ unsafe fn sweep_rows<L: Lanes, const C: usize>(
             }
         }
         let everywhere = L::mask(u32::MAX);
+        // Opaque scenes, which most are, pay nothing for the others.
+        let translucent = layers.iter().any(|layer| layer.partial.translucent);
+        let mut left = Left { dimmed: false, light: [[0.0; MOST]; ROWS] };
         let mut start = 0;
         'samples: for &(sample, end) in &segments.unknown {
             let kept = segments.kept.get_unchecked(start..end as usize);
             start = end as usize;
+            left.dimmed = false;
             let mut waiting = [everywhere; ROWS];
             if !segments.seen.is_empty() {
                 let seen = segments.seen_by(sample as usize, at_tile);
@@ -148,23 +266,37 @@ unsafe fn sweep_rows<L: Lanes, const C: usize>(
                         hits[row] = layer.covering::<L>(hits[row], first + row * stride, ray);
                     }
                 }
-                hit(segment, hits);
-                for row in 0..ROWS {
-                    for c in 0..C {
-                        let color = layer.color[c].add(first + row * stride);
-                        L::add(&mut sum[row][c], color, hits[row]);
+                let cells = || hits.map(|hits| L::bits(hits));
+                if translucent && (left.dimmed || layer.passes_light(first, stride, cells())) {
+                    let number = (segments, segment.number);
+                    let (weights, ended) = left.dim::<L, C>(layer, (base, stride), number, cells());
+                    for row in 0..ROWS {
+                        for c in 0..C {
+                            let color = layer.color[c].add(first + row * stride);
+                            L::add_weighted(&mut sum[row][c], color, weights[row].as_ptr(), hits[row]);
+                        }
+                        waiting[row] = L::without(waiting[row], L::mask(ended[row]));
                     }
-                    waiting[row] = L::without(waiting[row], hits[row]);
+                } else {
+                    hit(segment, hits);
+                    for row in 0..ROWS {
+                        for c in 0..C {
+                            let color = layer.color[c].add(first + row * stride);
+                            L::add(&mut sum[row][c], color, hits[row]);
+                        }
+                        waiting[row] = L::without(waiting[row], hits[row]);
+                    }
                 }
                 if L::is_none(L::union(waiting[0], waiting[1])) {
                     continue 'samples;
                 }
             }
             for row in 0..ROWS {
-                let mut left = L::bits(waiting[row]);
-                while left != 0 {
-                    missed[row][left.trailing_zeros() as usize] += 1;
-                    left &= left - 1;
+                let mut rays = L::bits(waiting[row]);
+                while rays != 0 {
+                    let i = rays.trailing_zeros() as usize;
+                    missed[row][i] += if left.dimmed { left.light[row][i] } else { 1.0 };
+                    rays &= rays - 1;
                 }
             }
         }
@@ -248,6 +380,8 @@ unsafe fn sweep_tile_of_groups<L: Lanes>(
     };
     let colors = firsts.iter().zip(&*out).map(|(first, out)| planes(*first, out.planes.len()));
     let colors: Vec<Vec<[*const f32; ChannelGroup::MOST]>> = colors.collect();
+    // Channels are carried by pictures of one layer, which is opaque.
+    debug_assert!(!padded.translucent);
     let mut hits = Vec::new();
     visit_pixels::<L>(
         padded,
@@ -292,7 +426,7 @@ impl Pixels {
     #[inline(always)]
     fn new(
         segments: &Segments,
-        missed: &[[u16; MOST]; ROWS],
+        missed: &[[f32; MOST]; ROWS],
         missed_rule: Missed,
         at: (usize, usize),
         cells: usize,
@@ -303,7 +437,7 @@ impl Pixels {
                 let samples = segments.seen_from(at.0 + lane, at.1 + row) as f32;
                 met[row][lane] = match missed_rule {
                     Missed::Nothing => samples,
-                    Missed::Unknown => samples - f32::from(missed[row][lane]),
+                    Missed::Unknown => samples - missed[row][lane],
                 };
             }
         }

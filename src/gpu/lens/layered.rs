@@ -122,8 +122,8 @@ fn half_planes(layers: &[SceneLayer], pixels: usize) -> Vec<u32> {
     for (first, layer) in (0..).step_by(pixels).zip(layers) {
         for (index, plane) in layer.partial.iter() {
             let [x, y] = plane.normal;
-            planes.extend([x, y, plane.cut].map(f32::to_bits));
-            words[first + index] = planes.len() as u32 / 3;
+            planes.extend([x, y, plane.cut, plane.opacity].map(f32::to_bits));
+            words[first + index] = planes.len() as u32 / 4;
         }
     }
     words.extend(planes);

@@ -53,6 +53,8 @@ pub unsafe trait Lanes {
     unsafe fn add_all(sum: &mut Self::Sum, values: *const f32);
     /// Adds the values of a subset of cells.
     unsafe fn add(sum: &mut Self::Sum, values: *const f32, cells: Self::Mask);
+    /// Adds the products of weights and values of a subset of cells.
+    unsafe fn add_weighted(sum: &mut Self::Sum, values: *const f32, weights: *const f32, cells: Self::Mask);
     /// Writes the sums out.
     unsafe fn store(sum: Self::Sum, out: *mut f32);
     /// Bit `i` is set where the ray passes through the covered part of cell `i`.

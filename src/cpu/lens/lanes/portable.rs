@@ -48,6 +48,16 @@ unsafe impl Lanes for Portable {
     }
 
     #[inline(always)]
+    unsafe fn add_weighted(sum: &mut Self::Sum, values: *const f32, weights: *const f32, mask: u32) {
+        // SAFETY: the caller guarantees CELLS readable values.
+        let (values, weights) =
+            unsafe { (&*values.cast::<[f32; Self::CELLS]>(), &*weights.cast::<[f32; Self::CELLS]>()) };
+        for i in 0..Self::CELLS {
+            sum[i] += if mask >> i & 1 != 0 { weights[i] * values[i] } else { 0.0 };
+        }
+    }
+
+    #[inline(always)]
     unsafe fn store(sum: Self::Sum, out: *mut f32) {
         // SAFETY: the caller guarantees CELLS writable values.
         unsafe { out.cast::<[f32; Self::CELLS]>().write_unaligned(sum) }

@@ -9,6 +9,7 @@ unsafe fn found<L: Lanes>(
     (from, to): (u16, u16),
 ) -> (u32, [f32; 32]) {
     let values: [f32; 32] = std::array::from_fn(|i| 1.0 + i as f32);
+    let weights: [f32; 32] = std::array::from_fn(|i| 32.0 - i as f32);
     let (mut bits, mut sums) = (0, [0.0; 32]);
     for at in (0..32).step_by(L::CELLS) {
         // SAFETY: the caller has detected the instructions, and there are 32 of everything.
@@ -17,6 +18,7 @@ unsafe fn found<L: Lanes>(
             let mut sum = L::zero();
             L::add(&mut sum, values.as_ptr().add(at), hits);
             L::add_all(&mut sum, values.as_ptr().add(at));
+            L::add_weighted(&mut sum, values.as_ptr().add(at), weights.as_ptr().add(at), hits);
             L::store(sum, sums.as_mut_ptr().add(at));
             assert_eq!(L::is_none(hits), L::bits(hits) == 0);
             let left = L::without(L::mask(of >> at), hits);
@@ -43,7 +45,7 @@ proptest! {
         let (from, to) = (code(from), code(from + codes));
         let met = |i: &usize| of >> i & 1 != 0 && hi[*i] >= from && lo[*i] < to;
         let bits = (0..32).filter(met).fold(0u32, |bits, i| bits | 1 << i);
-        let value = |i: usize| (1 + i) as f32 * if bits >> i & 1 != 0 { 2.0 } else { 1.0 };
+        let value = |i: usize| (1 + i) as f32 * if bits >> i & 1 != 0 { 34.0 - i as f32 } else { 1.0 };
         let expected = (bits, std::array::from_fn(value));
         // SAFETY: needs nothing.
         prop_assert_eq!(unsafe { found::<Portable>(of, &lo, &hi, (from, to)) }, expected);

@@ -56,6 +56,18 @@ unsafe impl Lanes for Avx512 {
     }
 
     #[inline(always)]
+    unsafe fn add_weighted(sum: &mut Self::Sum, values: *const f32, weights: *const f32, mask: u32) {
+        // SAFETY: as the trait demands of the caller.
+        unsafe {
+            for (i, half) in [mask as u16, (mask >> 16) as u16].into_iter().enumerate() {
+                let (values, weights) = (values.add(16 * i), weights.add(16 * i));
+                let product = _mm512_mul_ps(_mm512_loadu_ps(weights), _mm512_loadu_ps(values));
+                sum[i] = _mm512_mask_add_ps(sum[i], half, sum[i], product);
+            }
+        }
+    }
+
+    #[inline(always)]
     unsafe fn store(sum: Self::Sum, out: *mut f32) {
         // SAFETY: as the trait demands of the caller.
         unsafe {
@@ -187,6 +199,20 @@ unsafe impl Lanes for Avx2 {
             for (i, half) in halves.into_iter().enumerate() {
                 let lanes = _mm256_castsi256_ps(_mm256_cvtepi16_epi32(half));
                 sum[i] = _mm256_add_ps(sum[i], _mm256_and_ps(_mm256_loadu_ps(values.add(8 * i)), lanes));
+            }
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn add_weighted(sum: &mut Self::Sum, values: *const f32, weights: *const f32, cells: __m256i) {
+        // SAFETY: as the trait demands of the caller.
+        unsafe {
+            let halves = [_mm256_castsi256_si128(cells), _mm256_extracti128_si256::<1>(cells)];
+            for (i, half) in halves.into_iter().enumerate() {
+                let lanes = _mm256_castsi256_ps(_mm256_cvtepi16_epi32(half));
+                let (values, weights) = (values.add(8 * i), weights.add(8 * i));
+                let product = _mm256_mul_ps(_mm256_loadu_ps(weights), _mm256_loadu_ps(values));
+                sum[i] = _mm256_add_ps(sum[i], _mm256_and_ps(product, lanes));
             }
         }
     }
