@@ -400,15 +400,15 @@ fn arrays(
 ) -> Result<(Vec<f32>, Vec<f32>)> {
     let n = size.pixels();
     // One channel is grey; a fourth one is coverage.
-    let rgba = |color: [f32; 4]| match size.channels {
-        1 => [color[0], color[0], color[0], 1.0],
+    let rgba = |color: [f32; 4], coverage: f32| match size.channels {
+        1 => [color[0], color[0], color[0], coverage],
         4 => color,
-        _ => [color[0], color[1], color[2], 1.0],
+        _ => [color[0], color[1], color[2], coverage],
     };
     let layers = hidden.len() + 1;
     let (mut color, mut depth) = (vec![0.0; 4 * n * layers], vec![f32::INFINITY; n * layers]);
     for i in 0..n {
-        color[4 * i..][..4].copy_from_slice(&rgba(reference.color_at(i)));
+        color[4 * i..][..4].copy_from_slice(&rgba(reference.color_at(i), 1.0));
         let d = reference.disparity[i];
         // Depth that is given as it is returned keeps its bits.
         depth[i] = if kind == DepthKind::Z && d > 0.0 { given[i] } else { d.recip() };
@@ -417,7 +417,7 @@ fn arrays(
         cancel.check()?;
         for cell in cells {
             let at = layer * n + cell.index;
-            color[4 * at..][..4].copy_from_slice(&rgba(cell.color));
+            color[4 * at..][..4].copy_from_slice(&rgba(cell.color, cell.coverage));
             depth[at] = cell.disparity.recip();
         }
     }

@@ -6,6 +6,7 @@
 
 use super::edges::{self, CONNECTED_PX, EDGE};
 use super::front_layer::{FrontLayer, Surface, sub};
+use super::highlights::HIGHLIGHT_RATIO;
 use super::layer::SceneLayer;
 use super::recipe::{PureSource, Recipe, toward};
 use crate::cancel::Cancel;
@@ -130,6 +131,11 @@ pub enum Separated {
 }
 
 impl Separated {
+    /// Those with a lamp: its light, not where it ends, is what must not be lost or come from another depth.
+    pub fn lamps(frame: &FrontLayer) -> Separated {
+        Separated::Outshining { times: HIGHLIGHT_RATIO, light: frame.median_light() }
+    }
+
     /// How much a pixel of these two colours is separated: from none at the limit on, and all from twice the limit on.
     fn strength(self, frame: &FrontLayer, a: [f32; 4], b: [f32; 4]) -> f32 {
         let Separated::Outshining { times, light } = self else { return 1.0 };

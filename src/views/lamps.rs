@@ -1,0 +1,148 @@
+//! Lamps that a view sees, out of the pixels that mix them with what is beside.
+//!
+//! What a surface loses with the pixels of its edges is a rim. A lamp a few pixels wide has no other pixels, and all of its
+//! light would be lost. So the pixels of lamps are taken apart, as a render takes those of its first layer apart, and the
+//! lamp's part of them is drawn with its coverage. It falls to nothing towards the pixels around, which see past the lamp:
+//! interpolated linearly between them, the light that arrives on other pixels is what it was.
+
+use super::depth_map::{DepthMap, SAME_PX};
+use super::evidence::Evidence;
+use super::motion::ToReference;
+use super::view::View;
+use crate::cancel::Cancel;
+use crate::error::Result;
+use crate::memory::Buffer;
+use crate::picture::Size;
+use crate::scene::front_layer::FrontLayer;
+use crate::scene::matting::{MixedPixel, Separated, unmix};
+use rayon::prelude::*;
+
+/// A pixel that mixes a lamp with something else.
+pub struct LampPixel {
+    pub index: usize,
+    /// The pixel whose centre the lamp is seen at: this one or one beside it. Depth and motion are known there.
+    pub sample: usize,
+    /// How much of the pixel the lamp covers, if what is nearer is left out.
+    pub coverage: f32,
+    /// How much of that is not hidden by what is nearer.
+    pub visible: f32,
+    /// The lamp's colour.
+    pub color: [f32; 4],
+    /// What the reference tells of it.
+    pub evidence: Evidence,
+}
+
+/// Four neighbouring pixels between which the coverage of a lamp changes, or beside which it has become nothing.
+pub struct LampQuad {
+    /// The upper left one.
+    pub index: usize,
+    /// The least and the greatest disparity of the lamp.
+    pub disparities: [f32; 2],
+    /// Least and greatest row of the reference on which they lie.
+    pub y: [f32; 2],
+}
+
+/// The lamps of a view.
+pub struct Lamps {
+    width: usize,
+    /// In the order of rows.
+    pixels: Vec<LampPixel>,
+    /// Those at what the reference does not see, in the order of rows.
+    pub quads: Vec<LampQuad>,
+}
+
+/// How far around the four pixels of a quad lamps count. Where a view has no coverage while others have, it says that there is
+/// no lamp, and it says so of as far as theirs may reach: a pixel of another grid, between those around the lamp's own.
+const BESIDE: usize = 1;
+
+impl Lamps {
+    pub fn new(
+        (view, size, lights): (&View, Size, usize),
+        (map, connectivity): (&DepthMap, &[u8]),
+        (to_reference, k): (&ToReference, f32),
+        evidence: impl Fn(usize, usize) -> Evidence + Sync,
+        cancel: &Cancel,
+    ) -> Result<Lamps> {
+        let s = Buffer::of_each(map.disparity, |d| k * d);
+        let frame = FrontLayer::new(size, lights, &view.color, &s, connectivity);
+        let mixed = unmix(&frame, Separated::lamps(&frame), cancel)?;
+        let of_mixed = |m: &MixedPixel| {
+            // A surface's own pixel, or the nearest or farthest one around.
+            let beside = |nearer: bool| {
+                let order = |a: &usize, b: &usize| s[*a].total_cmp(&s[*b]);
+                let around = map.around(m.index);
+                if nearer { around.max_by(order) } else { around.min_by(order) }
+            };
+            let sample = |s_lamp: f32, nearer: bool| {
+                if s_lamp == s[m.index] { Some(m.index) } else { beside(nearer) }
+            };
+            let (sample, coverage, visible, color) = if frame.norm2(m.front) > frame.norm2(m.back) {
+                (sample(m.s_front, true)?, m.coverage, 1.0, m.front)
+            } else {
+                (sample(m.s_back, false)?, 1.0, 1.0 - m.coverage, m.back)
+            };
+            // A surface begins to be a lamp with none of its light.
+            let coverage = coverage * m.recipe.strength;
+            let evidence = evidence(m.index, sample);
+            Some(LampPixel { index: m.index, sample, coverage, visible, color, evidence })
+        };
+        let pixels = mixed.par_iter().filter_map(of_mixed).collect();
+        let mut lamps = Lamps { width: map.width, pixels, quads: Vec::new() };
+        lamps.quads = lamps.find_quads(map, to_reference, k);
+        Ok(lamps)
+    }
+
+    /// The lamp at a pixel.
+    pub fn at(&self, index: usize) -> Option<&LampPixel> {
+        self.pixels.binary_search_by_key(&index, |pixel| pixel.index).ok().map(|i| &self.pixels[i])
+    }
+
+    /// The pixels of lamps at a quad and beside it.
+    pub fn around(&self, quad: usize) -> impl Iterator<Item = &LampPixel> {
+        let (x, y) = (quad % self.width, quad / self.width);
+        (y.saturating_sub(BESIDE)..=y + 1 + BESIDE).flat_map(move |y| {
+            let columns = x.saturating_sub(BESIDE)..=(x + 1 + BESIDE).min(self.width - 1);
+            let row = y * self.width;
+            let first = self.pixels.partition_point(|pixel| pixel.index < row + columns.start());
+            self.pixels[first..].iter().take_while(move |pixel| pixel.index <= row + columns.end())
+        })
+    }
+
+    /// The quads of lamps that are hidden. Where there are several lamps, each has its own.
+    fn find_quads(&self, map: &DepthMap, to_reference: &ToReference, k: f32) -> Vec<LampQuad> {
+        let hidden = |pixel: &&LampPixel| pixel.evidence == Evidence::Hidden;
+        let mut quads: Vec<usize> = (self.pixels.iter().filter(hidden))
+            .flat_map(|pixel| {
+                let (x, y) = (pixel.index % map.width, pixel.index / map.width);
+                let first = |v: usize| v.saturating_sub(1 + BESIDE);
+                let end = |v: usize, n: usize| (v + BESIDE + 1).min(n - 1);
+                let rows = first(y)..end(y, map.height);
+                rows.flat_map(move |y| (first(x)..end(x, map.width)).map(move |x| y * map.width + x))
+            })
+            .collect();
+        quads.sort_unstable();
+        quads.dedup();
+        let of_place = |quad: &usize| {
+            let disparity = |pixel: &LampPixel| map.disparity[pixel.sample];
+            let mut around: Vec<&LampPixel> = self.around(*quad).collect();
+            around.sort_by(|a, b| disparity(a).total_cmp(&disparity(b)));
+            let lamps = around.chunk_by(|a, b| k * (disparity(b) - disparity(a)) <= SAME_PX);
+            let lamps = lamps.filter(|lamp| lamp.iter().any(hidden)).map(|lamp| {
+                let corners = [*quad, quad + 1, quad + map.width, quad + map.width + 1];
+                let places = lamp.iter().flat_map(|pixel| corners.map(|at| (pixel.sample, at)));
+                let rows = places.filter_map(|(sample, at)| to_reference.continued(sample, at));
+                let none = [f32::INFINITY, f32::NEG_INFINITY];
+                let [first, last] = rows
+                    .fold(none, |[first, last], seen| [first.min(seen.y as f32), last.max(seen.y as f32)]);
+                LampQuad {
+                    index: *quad,
+                    disparities: [disparity(lamp[0]), disparity(lamp[lamp.len() - 1])],
+                    // Pixels that show nothing but the lamp are as near as its others to within this.
+                    y: [first - SAME_PX, last + SAME_PX],
+                }
+            });
+            lamps.collect::<Vec<_>>()
+        };
+        quads.par_iter().flat_map_iter(of_place).collect()
+    }
+}
