@@ -141,6 +141,74 @@ def test_several_surfaces_lie_one_behind_another():
     assert len(layered(*seen(scene, poses), poses, layers=2)[0]) == 2
 
 
+LAMP_Z, LAMP_COLOR = 1.5, np.array([40.0, 30.0, 20.0])
+FARTHER = np.concatenate([pose()[None], rim(8, 0.1)])
+
+
+def with_lamp(side_px, beside_px=0.0, color=LAMP_COLOR):
+    """Put a square lamp of so many pixels behind the near card, so far beside the centre of a pixel."""
+    x, y = ((at + beside_px - centre) * LAMP_Z / FOCAL_PX for at, centre in ((38.0, 47.5), (39.0, 35.5)))
+    half = 0.5 * side_px * LAMP_Z / FOCAL_PX
+    return Cards([WALL, NEAR, Card((x, y, LAMP_Z), (half, half), flat(*color))])
+
+
+def lamp_in(layers, depths):
+    """Give light and coverage of the cells of a lamp, each as a picture."""
+    there = np.abs(depths[1:] / LAMP_Z - 1.0) < 0.1
+    found = np.where(there[..., None], layers[1:], 0.0).sum(axis=0)
+    return found[..., :3], found[..., 3]
+
+
+@pytest.mark.parametrize("beside_px", [0.0, 0.25, 0.5])
+@pytest.mark.parametrize("side_px", [1.25, 2.0, 3.5, 7.0])
+def test_a_lamp_arrives_with_the_light_that_it_has(side_px, beside_px):
+    """Small ones consist of pixels of edges alone; large ones have no second rim. Some of the views see a part only."""
+    layers, depths = layered(*seen(with_lamp(side_px, beside_px), FARTHER), FARTHER)
+    light, coverage = lamp_in(layers, depths)
+    np.testing.assert_allclose(light.sum(axis=(0, 1)), side_px**2 * LAMP_COLOR, rtol=0.12)
+    assert (light <= 1.01 * LAMP_COLOR).all()
+    assert coverage.max() <= 1.0
+    y, x = np.mgrid[:72, :96]
+    centre = [(light[..., 0] * at).sum() / light[..., 0].sum() for at in (x, y)]
+    np.testing.assert_allclose(centre, [38.0 + beside_px, 39.0 + beside_px], atol=0.15)
+    # One pixel of the view and one of the reference: no light is farther away.
+    far = np.maximum(np.abs(x - 38.0 - beside_px), np.abs(y - 39.0 - beside_px)) > 0.5 * side_px + 1.5
+    assert light[far].sum() < 1e-3 * light.sum()
+
+
+def test_a_hidden_lamp_is_worth_many_decibels():
+    scene = with_lamp(2.0)
+    colors, depths = seen(scene)
+    truth = scene.thin_lens(RADIUS, FOCUS)
+    single = error_db(dofsim.render(colors[0], depths[0], LENS), truth)
+    eight = error_db(dofsim.render(*layered(colors, depths, lens=LENS), LENS), truth)
+    assert eight > single + 3.0, (single, eight)
+
+
+def test_the_order_of_those_who_see_a_lamp_does_not_matter():
+    colors, depths = seen(with_lamp(2.0, 0.3), FARTHER)
+    expected = layered(colors, depths, FARTHER)
+    order = np.concatenate([[0], 1 + np.random.default_rng(3).permutation(8)])
+    for a, b in zip(layered(colors[order], depths[order], FARTHER[order]), expected, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_what_outshines_others_a_little_becomes_a_lamp_little_by_little():
+    """The limit is five times a usual pixel: up to there a small thing is left out, and from twice that on it is whole."""
+    (dark, depths), (lit, _) = (seen(with_lamp(2.0, 0.3, color), FARTHER) for color in (np.zeros(3), np.ones(3)))
+    usual = np.median(np.linalg.norm(dark[0], axis=-1))
+
+    def light(times):
+        color = times * usual / 3**0.5
+        found = layered(dark + color * (lit - dark), depths, FARTHER)
+        return lamp_in(*found)[0].sum() / (3 * color)
+
+    found = [light(times) for times in np.arange(4.0, 14.0, 0.25)]
+    assert found[0] == 0.0
+    assert found[-1] > 3.5
+    assert np.abs(np.diff(found)).max() < 0.1 * max(found)
+
+
 def test_what_the_lens_cannot_see_is_left_out():
     poses = np.stack([pose(), pose(0.4), pose(-0.4)])
     colors, depths = seen(SCENE, poses)

@@ -69,10 +69,11 @@ use pyo3::prelude::*;
 ///
 /// Notes
 /// -----
-/// Surfaces are resampled onto the pixels of the reference. Pixels on silhouettes mix two colours and are left out. Where
-/// several views see a surface they are averaged, by how finely each sees it, and by how far they agree. What contradicts
-/// the reference or most other views is not used: things that have moved, poses or depths that do not fit. What nobody
-/// has seen, `render` fills as ever. The order of the other views does not matter.
+/// Surfaces are resampled onto the pixels of the reference. Pixels on silhouettes mix two colours and are left out. Small
+/// lamps consist of such pixels only, so what outshines its surroundings is separated from them, and its alpha is the part
+/// of the pixel that it covers. Where several views see a surface they are averaged, by how finely each sees it, and by how
+/// far they agree. What contradicts the reference or most other views is not used: things that have moved, poses or depths
+/// that do not fit. What nobody has seen, `render` fills as ever. The order of the other views does not matter.
 ///
 /// Without `flow`, what moves contradicts the reference, and is not used. With it, a point is carried to where it is when the
 /// reference is taken, at the distance that it had: what comes nearer meanwhile is still not used. A camera that stands still

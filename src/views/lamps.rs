@@ -1,9 +1,9 @@
-//! Lamps that a view sees, out of the pixels that mix them with what is beside.
+//! Lamps that a view sees: their part of the pixels that mix them with other surfaces.
 //!
-//! What a surface loses with the pixels of its edges is a rim. A lamp a few pixels wide has no other pixels, and all of its
-//! light would be lost. So the pixels of lamps are taken apart, as a render takes those of its first layer apart, and the
-//! lamp's part of them is drawn with its coverage. It falls to nothing towards the pixels around, which see past the lamp:
-//! interpolated linearly between them, the light that arrives on other pixels is what it was.
+//! A surface without the pixels of its edges has lost a rim. A lamp a few pixels wide has no other pixels and would be lost
+//! entirely. So the pixels of lamps are separated, as [`layered`](crate::scene::layered) separates those of a first layer, and
+//! the lamp is drawn with its coverage. Coverage falls to 0 at the pixels around, which see past the lamp. Linear
+//! interpolation between pixels preserves the sum, so as much light arrives as the view has seen.
 
 use super::depth_map::{DepthMap, SAME_PX};
 use super::evidence::Evidence;
@@ -20,9 +20,9 @@ use rayon::prelude::*;
 /// A pixel that mixes a lamp with something else.
 pub struct LampPixel {
     pub index: usize,
-    /// The pixel whose centre the lamp is seen at: this one or one beside it. Depth and motion are known there.
+    /// The pixel at whose centre the lamp is seen, this one or one beside it: the lamp's depth and motion are known there.
     pub sample: usize,
-    /// How much of the pixel the lamp covers, if what is nearer is left out.
+    /// How much of the pixel the lamp covers, whatever hides it.
     pub coverage: f32,
     /// How much of that is not hidden by what is nearer.
     pub visible: f32,
@@ -32,7 +32,7 @@ pub struct LampPixel {
     pub evidence: Evidence,
 }
 
-/// Four neighbouring pixels between which the coverage of a lamp changes, or beside which it has become nothing.
+/// Four neighbouring pixels, at a lamp or beside it.
 pub struct LampQuad {
     /// The upper left one.
     pub index: usize,
@@ -47,12 +47,12 @@ pub struct Lamps {
     width: usize,
     /// In the order of rows.
     pixels: Vec<LampPixel>,
-    /// Those at what the reference does not see, in the order of rows.
+    /// Those of lamps that the reference does not see, in the order of rows.
     pub quads: Vec<LampQuad>,
 }
 
-/// How far around the four pixels of a quad lamps count. Where a view has no coverage while others have, it says that there is
-/// no lamp, and it says so of as far as theirs may reach: a pixel of another grid, between those around the lamp's own.
+/// A quad is drawn for a lamp up to so many pixels away. All of it has coverage 0 then. It counts where the lamp of another
+/// view, whose pixels lie elsewhere by less than one, still covers something: the mean of both has half of that.
 const BESIDE: usize = 1;
 
 impl Lamps {
