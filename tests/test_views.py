@@ -142,7 +142,7 @@ def test_several_surfaces_lie_one_behind_another():
 
 
 LAMP_Z, LAMP_COLOR = 1.5, np.array([40.0, 30.0, 20.0])
-FARTHER = np.concatenate([pose()[None], rim(8, 0.1)])
+FARTHER = np.concatenate([pose()[None], rim(8, 0.2)])
 
 
 def with_lamp(side_px, beside_px=0.0, color=LAMP_COLOR):
@@ -162,10 +162,10 @@ def lamp_in(layers, depths):
 @pytest.mark.parametrize("beside_px", [0.0, 0.25, 0.5])
 @pytest.mark.parametrize("side_px", [1.25, 2.0, 3.5, 7.0])
 def test_a_lamp_arrives_with_the_light_that_it_has(side_px, beside_px):
-    """Small ones consist of pixels of edges alone; large ones have no second rim. Some of the views see a part only."""
+    """Small ones consist of pixels of edges alone; large ones have no second rim."""
     layers, depths = layered(*seen(with_lamp(side_px, beside_px), FARTHER), FARTHER)
     light, coverage = lamp_in(layers, depths)
-    np.testing.assert_allclose(light.sum(axis=(0, 1)), side_px**2 * LAMP_COLOR, rtol=0.12)
+    np.testing.assert_allclose(light.sum(axis=(0, 1)), side_px**2 * LAMP_COLOR, rtol=0.05)
     assert (light <= 1.01 * LAMP_COLOR).all()
     assert coverage.max() <= 1.0
     y, x = np.mgrid[:72, :96]

@@ -5,7 +5,7 @@
 
 use super::depth_map::{DepthMap, SAME_PX, another};
 use super::evidence::Evidence;
-use super::lamps::{LampPixel, LampQuad};
+use super::lamps::{self, LampPixel, LampQuad};
 use super::source::{Source, Strip};
 use crate::scene::edges::{DOWN, EDGE, RIGHT};
 use std::ops::Range;
@@ -150,7 +150,7 @@ fn draw_quad_of_lamp(source: &Source, quad: &LampQuad, canvas: &Canvas, out: &mu
     let behind = |index: usize| source.k * (least - disparity[index]);
     let in_front = |index: usize| source.k * (disparity[index] - most);
     let is_lamp = |pixel: &&LampPixel| (least..=most).contains(&disparity[pixel.sample]);
-    let places = [quad.index, quad.index + 1, quad.index + width, quad.index + width + 1];
+    let places = lamps::corners(quad.index, width);
     let mixed = places.map(|at| source.lamps.at(at).filter(is_lamp));
     let is_whole =
         |i: usize| mixed[i].is_none() && behind(places[i]) <= SAME_PX && in_front(places[i]) <= SAME_PX;
@@ -168,13 +168,8 @@ fn draw_quad_of_lamp(source: &Source, quad: &LampQuad, canvas: &Canvas, out: &mu
         if in_front(at) > 0.0 {
             return None;
         }
-        // It sees past the lamp.
-        let apart = |lamp: &&LampPixel| {
-            let ((x, y), (at_x, at_y)) = (source.depth.place(lamp.index), source.depth.place(at));
-            (x - at_x).powi(2) + (y - at_y).powi(2)
-        };
-        let lamp = source.lamps.around(quad.index).filter(is_lamp);
-        let lamp = lamp.min_by(|a, b| apart(a).total_cmp(&apart(b)))?;
+        // It sees past the lamp, which is continued from beside it.
+        let lamp = [1, 2, 3].into_iter().find_map(|other| mixed[i ^ other])?;
         Corner::new(source, lamp.sample, at, 1.0, [0.0; 4], true)
     };
     let corners = [0, 1, 2, 3].map(corner);

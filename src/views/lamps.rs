@@ -32,7 +32,7 @@ pub struct LampPixel {
     pub evidence: Evidence,
 }
 
-/// Four neighbouring pixels, at a lamp or beside it.
+/// Four neighbouring pixels, at least one of which mixes a lamp with something else.
 pub struct LampQuad {
     /// The upper left one.
     pub index: usize,
@@ -44,16 +44,11 @@ pub struct LampQuad {
 
 /// The lamps of a view.
 pub struct Lamps {
-    width: usize,
     /// In the order of rows.
     pixels: Vec<LampPixel>,
     /// Those of lamps that the reference does not see, in the order of rows.
     pub quads: Vec<LampQuad>,
 }
-
-/// A quad is drawn for a lamp up to so many pixels away. All of it has coverage 0 then. It counts where the lamp of another
-/// view, whose pixels lie elsewhere by less than one, still covers something: the mean of both has half of that.
-const BESIDE: usize = 1;
 
 impl Lamps {
     pub fn new(
@@ -87,7 +82,7 @@ impl Lamps {
             Some(LampPixel { index: m.index, sample, coverage, visible, color, evidence })
         };
         let pixels = mixed.par_iter().filter_map(of_mixed).collect();
-        let mut lamps = Lamps { width: map.width, pixels, quads: Vec::new() };
+        let mut lamps = Lamps { pixels, quads: Vec::new() };
         lamps.quads = lamps.find_quads(map, to_reference, k);
         Ok(lamps)
     }
@@ -97,39 +92,27 @@ impl Lamps {
         self.pixels.binary_search_by_key(&index, |pixel| pixel.index).ok().map(|i| &self.pixels[i])
     }
 
-    /// The pixels of lamps at a quad and beside it.
-    pub fn around(&self, quad: usize) -> impl Iterator<Item = &LampPixel> {
-        let (x, y) = (quad % self.width, quad / self.width);
-        (y.saturating_sub(BESIDE)..=y + 1 + BESIDE).flat_map(move |y| {
-            let columns = x.saturating_sub(BESIDE)..=(x + 1 + BESIDE).min(self.width - 1);
-            let row = y * self.width;
-            let first = self.pixels.partition_point(|pixel| pixel.index < row + columns.start());
-            self.pixels[first..].iter().take_while(move |pixel| pixel.index <= row + columns.end())
-        })
-    }
-
     /// The quads of lamps that are hidden. Where there are several lamps, each has its own.
     fn find_quads(&self, map: &DepthMap, to_reference: &ToReference, k: f32) -> Vec<LampQuad> {
         let hidden = |pixel: &&LampPixel| pixel.evidence == Evidence::Hidden;
-        let mut quads: Vec<usize> = (self.pixels.iter().filter(hidden))
-            .flat_map(|pixel| {
-                let (x, y) = (pixel.index % map.width, pixel.index / map.width);
-                let first = |v: usize| v.saturating_sub(1 + BESIDE);
-                let end = |v: usize, n: usize| (v + BESIDE + 1).min(n - 1);
-                let rows = first(y)..end(y, map.height);
-                rows.flat_map(move |y| (first(x)..end(x, map.width)).map(move |x| y * map.width + x))
-            })
-            .collect();
+        let of_pixel = |pixel: &LampPixel| {
+            let (x, y) = (pixel.index % map.width, pixel.index / map.width);
+            let first = |v: usize| v.saturating_sub(1);
+            let rows = first(y)..(y + 1).min(map.height - 1);
+            rows.flat_map(move |y| (first(x)..(x + 1).min(map.width - 1)).map(move |x| y * map.width + x))
+        };
+        let mut quads: Vec<usize> = self.pixels.iter().filter(hidden).flat_map(of_pixel).collect();
         quads.sort_unstable();
         quads.dedup();
         let of_place = |quad: &usize| {
             let disparity = |pixel: &LampPixel| map.disparity[pixel.sample];
-            let mut around: Vec<&LampPixel> = self.around(*quad).collect();
-            around.sort_by(|a, b| disparity(a).total_cmp(&disparity(b)));
-            let lamps = around.chunk_by(|a, b| k * (disparity(b) - disparity(a)) <= SAME_PX);
+            let mut pixels: Vec<&LampPixel> =
+                corners(*quad, map.width).into_iter().filter_map(|index| self.at(index)).collect();
+            pixels.sort_by(|a, b| disparity(a).total_cmp(&disparity(b)));
+            let lamps = pixels.chunk_by(|a, b| k * (disparity(b) - disparity(a)) <= SAME_PX);
             let lamps = lamps.filter(|lamp| lamp.iter().any(hidden)).map(|lamp| {
-                let corners = [*quad, quad + 1, quad + map.width, quad + map.width + 1];
-                let places = lamp.iter().flat_map(|pixel| corners.map(|at| (pixel.sample, at)));
+                let places =
+                    lamp.iter().flat_map(|pixel| corners(*quad, map.width).map(|at| (pixel.sample, at)));
                 let rows = places.filter_map(|(sample, at)| to_reference.continued(sample, at));
                 let none = [f32::INFINITY, f32::NEG_INFINITY];
                 let [first, last] = rows
@@ -145,4 +128,9 @@ impl Lamps {
         };
         quads.par_iter().flat_map_iter(of_place).collect()
     }
+}
+
+/// The pixels of a quad: above from the left, and below from the left.
+pub fn corners(quad: usize, width: usize) -> [usize; 4] {
+    [quad, quad + 1, quad + width, quad + width + 1]
 }
