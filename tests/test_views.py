@@ -47,10 +47,6 @@ def error_db(picture, truth=TRUTH):
     return metrics.psnr(picture[..., :3], truth, border=8)
 
 
-def one_layer(color, depth):
-    return error_db(dofsim.render(color, depth, LENS))
-
-
 def test_what_others_saw_is_what_is_there():
     layers, depths = layered(lens=LENS)
     np.testing.assert_array_equal(layers[0, ..., :3], COLORS[0].astype(np.float32))
@@ -66,7 +62,7 @@ def test_what_others_saw_is_what_is_there():
 
 
 def test_it_is_worth_many_decibels():
-    single = one_layer(COLORS[0], DEPTHS[0])
+    single = error_db(dofsim.render(COLORS[0], DEPTHS[0], LENS))
     eight = error_db(dofsim.render(*layered(lens=LENS), LENS))
     two = error_db(dofsim.render(*layered(COLORS[[0, 4, 8]], DEPTHS[[0, 4, 8]], AROUND[[0, 4, 8]]), LENS))
     assert eight > single + 3.0, (single, two, eight)
@@ -194,8 +190,9 @@ def test_the_order_of_those_who_see_a_lamp_does_not_matter():
 
 
 def test_what_outshines_others_a_little_becomes_a_lamp_little_by_little():
-    """The limit is five times a usual pixel: up to there a small thing is left out, and from twice that on it is whole."""
-    (dark, depths), (lit, _) = (seen(with_lamp(2.0, 0.3, color), FARTHER) for color in (np.zeros(3), np.ones(3)))
+    """Up to five times a usual pixel, a small thing is left out; from twice that on it is whole."""
+    dark, depths = seen(with_lamp(2.0, 0.3, np.zeros(3)), FARTHER)
+    lit, _ = seen(with_lamp(2.0, 0.3, np.ones(3)), FARTHER)
     usual = np.median(np.linalg.norm(dark[0], axis=-1))
 
     def light(times):
@@ -217,12 +214,14 @@ def test_what_the_lens_cannot_see_is_left_out():
     assert 0 < (seen_by_lens[1:, ..., 3] > 0).sum() < 0.5 * (everything[1:, ..., 3] > 0).sum()
 
 
-def damaged(kind):
+def damaged(kind, scene=SCENE):
     """Give views of a scene that is not the reference's, or that lie."""
-    colors, depths, poses = COLORS.copy(), DEPTHS.copy(), AROUND.copy()
+    poses = AROUND.copy()
+    colors, depths = seen(scene)
     if kind == "moved":
         x, y, z = NEAR.centre
-        moved = Cards([WALL, Card((x + 0.03, y, 1.1 * z), NEAR.half, NEAR.color), MIDDLE])
+        moved = Card((x + 0.03, y, 1.1 * z), NEAR.half, NEAR.color)
+        moved = Cards([moved if card is NEAR else card for card in scene.cards])
         colors[1:], depths[1:] = seen(moved, AROUND[1:])
     elif kind == "pose":
         for i in range(1, len(poses)):
@@ -241,10 +240,20 @@ def _about_x(degrees):
     return np.array([[1, 0, 0], [0, cos, -sin], [0, sin, cos]])
 
 
+@pytest.fixture(scope="module", params=["cards", "lamp"])
+def scene_and_truth(request):
+    if request.param == "cards":
+        return SCENE, TRUTH
+    scene = Cards([*SCENE.cards, with_lamp(2.0).cards[-1]])
+    return scene, scene.thin_lens(RADIUS, FOCUS)
+
+
 @pytest.mark.parametrize("kind", ["moved", "pose", "one pose", "1.02", "1.5", "0.7"])
-def test_what_does_not_fit_is_never_worse_than_one_layer(kind):
-    single = one_layer(COLORS[0], DEPTHS[0])
-    found = error_db(dofsim.render(*layered(*damaged(kind), lens=LENS), LENS))
+def test_what_does_not_fit_is_never_worse_than_one_layer(kind, scene_and_truth):
+    scene, truth = scene_and_truth
+    colors, depths, poses = damaged(kind, scene)
+    single = error_db(dofsim.render(colors[0], depths[0], LENS), truth)
+    found = error_db(dofsim.render(*layered(colors, depths, poses, lens=LENS), LENS), truth)
     assert found > single - 0.2, (kind, single, found)
 
 
