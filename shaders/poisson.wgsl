@@ -7,6 +7,7 @@ struct Params {
     // Contribution of the pixel itself.
     centre: f32,
     max_radius_px: f32,
+    rounding: f32,
     @align(16) shift: Defocus,
 }
 
@@ -80,7 +81,10 @@ fn averaged(at: vec2<i32>) -> vec4<f32> {
         total += counts;
         moved += counts * (seen.color - centre);
     }
-    return centre + moved / max(total, LEAST_TOTAL);
+    // What rounding leaves below no light is none.
+    let average = centre + moved / max(total, LEAST_TOTAL);
+    let none = (average < vec4<f32>()) & (average >= -params.rounding * centre);
+    return select(average, vec4<f32>(), none);
 }
 
 @compute @workgroup_size(16, 16)

@@ -4,6 +4,8 @@ import copy
 import inspect
 import math
 import pickle
+import subprocess
+import sys
 
 import dofsim
 import numpy as np
@@ -449,7 +451,25 @@ def test_what_completion_shows_is_public_and_can_be_used():
     names = dir(dofsim)
     assert "FocusPicker" in names
     assert [name for name in names if name.startswith("_") and name != "__version__"] == []
-    assert set(names) == {*dofsim.__all__, "FocusPicker"}
+    modules = {"batch", "cameras", "io", "metrics", "photo", "presets"}
+    assert set(names) == {*dofsim.__all__, "FocusPicker", *modules}
+
+
+def test_modules_need_no_import_of_their_own():
+    modules = ["batch", "cameras", "io", "metrics", "photo", "plot", "presets"]
+    code = f"import dofsim; print([getattr(dofsim, name).__name__ for name in {modules}])"
+    found = subprocess.check_output([sys.executable, "-c", code], text=True)
+    assert found.strip() == str([f"dofsim.{name}" for name in modules])
+
+
+def test_sizes_are_told_as_they_were_given():
+    color, depth = np.ones((24, 32, 3), np.float32), np.ones((24, 31), np.float32)
+    with pytest.raises(ValueError, match=r"shape is \(24, 32, 3\); got shape \(24, 31\)"):
+        dofsim.render(color, depth, Lens(aperture_radius=0.1, focus_distance=1.0, fov=40.0))
+    assert (
+        repr(dofsim.Scene(color, depth[:, :1] * np.ones(32)))
+        == "<dofsim.Scene of 32 x 24 pixels, 3 channels>"
+    )
 
 
 @pytest.mark.parametrize("function", [Lens, Lens.from_disparity, Lens.from_camera, Aperture, dofsim.render])

@@ -500,7 +500,7 @@ def test_pairs_that_are_none(data):
         pair_files("nowhere")
     with pytest.raises(ValueError, match="there is no file"):
         pair_files("rgb/*.png")
-    with pytest.raises(ValueError, match="none of 10 files"):
+    with pytest.raises(ValueError, match=r"no file of rgb.* pairs with one of depth"):
         pair_files("rgb/000?.exr", "depth/004?.pfm")
     Path("depth/0001.pfm").unlink()
     Path("rgb/color_0001.exr").unlink()

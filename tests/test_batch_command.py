@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from pathlib import Path
 
 import dofsim
@@ -113,7 +114,7 @@ def test_every_output(few):
         (["nowhere", "-o", "out"], "nowhere: No such file or directory"),
         (["rgb", "depth", "-o", "rgb", *LENS_OPTIONS], "is one of the inputs"),
         (["rgb", "depth", "-o", "out"], "the lens is not complete"),
-        (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--random-f-number", "1,2"], "has no --"),
+        (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--random-f-number", "1,2"], "cannot be given with"),
         (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--random-aperture-radius", "1"], "LOW,HIGH"),
         (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--random-focus", "--focus-at", "1,1"], "exclude"),
         (["rgb", "depth", "-o", "out", *LENS_OPTIONS, "--format", "gif"], "--format takes .exr"),
@@ -310,9 +311,21 @@ def test_a_dry_run_writes_nothing_and_checks_all(few, capsys):
     out, err = capsys.readouterr()
     assert out.splitlines()[1] == "rgb/0001.exr + depth/0001_depth.pfm -> out/0001.exr"
     assert len(out.splitlines()) == 4
+    assert re.search(r"rgb/0000.exr: depth [\d.]+ to [\d.]+ m; the largest blur radius is [\d.]+ px\n", err)
     assert "4 frames; nothing was written" in err
     assert not Path("out").exists()
     assert batch("rgb", "depth", "-o", "out", *LENS_OPTIONS, "--dry-run", "--method", "fast") == 2
+    # What is wrong with the first frame is wrong with all, as a rule.
+    capsys.readouterr()
+    arguments = ["rgb", "depth", "-o", "out", "--aperture-radius", "0.1", "--fov", "40", "--dry-run"]
+    assert batch(*arguments, "--focus-at", "9000,1") == 2
+    out, err = capsys.readouterr()
+    assert len(out.splitlines()) == 4
+    assert "dofsim: rgb/0000.exr: --focus-at: x must lie within" in err
+    tiny = ["--aperture-radius", "1e-6", "--focus-distance", "3", "--fov", "40"]
+    assert batch("rgb", "depth", "-o", "out", *tiny, "--dry-run") == 0
+    assert "dofsim: rgb/0000.exr: the blur is too small to see" in capsys.readouterr().err
+    assert not Path("out").exists()
 
 
 def test_the_first_frames_alone(few, capsys):
@@ -333,7 +346,10 @@ def test_an_output_keeps_its_suffix(few):
 def test_the_distribution_of_the_blur_is_said_and_recorded(few, capsys):
     assert batch("rgb", "depth", "-o", "out", *LENS_OPTIONS) == 0
     said = capsys.readouterr().err
-    assert "largest blur radius of a frame: " in said
+    assert re.search(
+        r"\nout: depth [\d.]+ to [\d.]+ m; the largest blur radius of a frame is [\d.]+ px \(median\), ", said
+    )
+    assert re.search(r"\(median\), [\d.]+ to [\d.]+ px from the 5th to the 95th percentile\n", said)
     largest = []
     for index in range(4):
         depth = io.read_depth(f"depth/{index:04}_depth.pfm")
@@ -345,6 +361,7 @@ def test_the_distribution_of_the_blur_is_said_and_recorded(few, capsys):
         largest.append(radius.max())
     summary = json.loads(Path("out/summary.json").read_text())
     assert summary["frames"] == 4
+    assert (summary["depth_unit"], record["depth_unit"]) == ("m", "m")
     assert summary["largest_blur_radius_px"]["median"] == pytest.approx(np.median(largest), rel=1e-2)
     # Frames that were there already count, too.
     Path("out/summary.json").unlink()
@@ -406,3 +423,31 @@ def test_a_scale_that_is_given_may_be_of_any_size(sequence):
     for index in range(3):
         np.save(f"{index}.npy", 1e-5 * np.load(f"{index}.npy"))
     blur_of_the_wall("--depth-range", "3e-5,9e-5")
+
+
+def test_one_frame_says_its_depth_and_its_blur(few, capsys):
+    assert batch("rgb", "depth", "-o", "out", *LENS_OPTIONS, "--limit", "1") == 0
+    assert re.search(
+        r"out: depth [\d.]+ to [\d.]+ m; the largest blur radius is [\d.]+ px\n", capsys.readouterr().err
+    )
+    relative = ["--depth-kind", "relative", "--strength-px", "3", "--focus", "0", "--depth-range", "each"]
+    assert batch("rgb", "depth", "-o", "out2", *relative, "--limit", "1") == 0
+    assert re.search(r"out2: relative disparity [\d.]+ to [\d.]+; the largest", capsys.readouterr().err)
+    assert json.loads(Path("out2/summary.json").read_text())["depth_unit"] == ""
+
+
+def test_a_manifest_is_told_of_in_its_own_words(few, capsys):
+    Path("m.csv").write_text("color,depth,aperture\nrgb/0000.exr,depth/0000_depth.pfm,1\n")
+    assert batch("--manifest", "m.csv", "-o", "out", *LENS_OPTIONS) == 2
+    message = capsys.readouterr().err
+    assert (
+        'm.csv, line 2: a frame has no "aperture"; it has color, depth, output, focus_at, aperture_radius'
+        in message
+    )
+    assert "--" not in message
+    Path("m.csv").write_text("color,depth,focus_distance\nrgb/0000.exr,depth/0000_depth.pfm,near\n")
+    assert batch("--manifest", "m.csv", "-o", "out", *LENS_OPTIONS) == 2
+    assert "m.csv, line 2: focus_distance must be a number; got 'near'" in capsys.readouterr().err
+    Path("m.csv").write_text('color,depth,focus_at\nrgb/0000.exr,depth/0000_depth.pfm,"near"\n')
+    assert batch("--manifest", "m.csv", "-o", "out", *LENS_OPTIONS) == 2
+    assert "m.csv, line 2: focus_at takes a column and a row, X,Y; got 'near'" in capsys.readouterr().err

@@ -53,10 +53,10 @@ def test_a_manifest_has_a_lens_for_each_frame(few, kind):
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
-        ("a.csv", "color,colour\na.png,b.png\n", r"a\.csv, line 2: colour is not one of"),
-        ("a.csv", "color\na.png,b.png\n", "line 2: None is not one of"),
+        ("a.csv", "color,colour\na.png,b.png\n", r'a\.csv, line 2: a frame has no "colour"; it has color'),
+        ("a.csv", "color\na.png,b.png\n", "line 2: the line has more cells than"),
         ("a.csv", "color,f_number\na.png,\nb.png,wide\n", "line 3: f_number must be a number; got 'wide'"),
-        ("a.csv", "color,focus_at\na.png,5\n", "line 2: --focus-at takes a column and a row"),
+        ("a.csv", "color,focus_at\na.png,5\n", "line 2: focus_at takes a column and a row"),
         ("a.csv", "color,output\na.png,../b\n", "line 2: output must be within"),
         ("a.csv", "depth\na.png\n", "line 2: color is missing"),
         ("a.csv", "color\n", "there is no frame"),
@@ -120,9 +120,11 @@ def test_names_that_differ_in_a_word_are_paired_only_where_there_is_no_choice(tm
         path.unlink()
     Path("a/shot_0001.png").touch()
     Path("b/shot_0002.png").touch()
-    with pytest.raises(ValueError, match="none of 1 files of a has the name") as caught:
+    with pytest.raises(ValueError, match="no file of a pairs with one of b") as caught:
         pair_files("a", "b")
-    assert f"the nearest two are {Path('a/shot_0001.png')} and {Path('b/shot_0002.png')}" in str(caught.value)
+    assert f"the closest names are {Path('a/shot_0001.png')} and {Path('b/shot_0002.png')}" in str(
+        caught.value
+    )
     assert "manifest" in str(caught.value)
 
 

@@ -81,6 +81,8 @@ def test_help_fits_a_terminal_and_shows_all_of_itself(command):
     assert {(one.returncode, one.stdout) for one in shown} == {(0, shown[0].stdout)}
     text = shown[0].stdout
     assert max(map(len, text.splitlines())) <= 80
+    # A command without a lens has none to print.
+    assert ("Print also the lens" in text) == (command in ("render", "coc", "batch", "photo"))
     # No type of a flag, no markup.
     assert "<" not in text
     assert "bool" not in text
@@ -149,3 +151,16 @@ def test_devices_are_listed_without_the_noise_of_drivers():
         shown = subprocess.run(command, capture_output=True, text=True, check=True)
         assert shown.stderr == noise
         assert "There is no GPU" in shown.stdout
+
+
+def test_devices_fit_a_terminal(monkeypatch, capsys):
+    class Adapter:
+        id, name, kind, backend = "gpu:0", "llvmpipe (LLVM 15.0.6, 256 bits)", "software", "vulkan"
+        driver, max_binding_bytes = "llvmpipe Mesa 22.3.6 (LLVM 15.0.6)", 2**27
+
+    monkeypatch.setattr(dofsim, "devices", lambda: [Adapter])
+    assert run(["devices"]) == 0
+    shown = capsys.readouterr().out
+    assert max(map(len, shown.splitlines())) <= 80
+    assert "used only if it is named (--device gpu:0)" in shown
+    assert "buffers of up to 128 MiB; larger frames are rendered in bands" in shown

@@ -171,7 +171,7 @@ def test_ids_are_in_the_order_of_their_ranks():
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        (["--channels", "nothing*"], "there is no channel 'nothing*'"),
+        (["--channels", "nothing*"], "no channel or layer is called 'nothing*'"),
         (
             ["--channels", "*", "--kind", "N=beauty"],
             "--kind takes NAME=KIND, where KIND is one of light, matte",

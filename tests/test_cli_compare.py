@@ -17,7 +17,10 @@ def test_coc_as_numbers(scene, capsys):
     low, high = expected.min(), expected.max()
     out, err = capsys.readouterr()
     assert out == ""
-    assert err.endswith(f"signed radius {low:+.2f} px (near) to {high:+.2f} px (far)\n")
+    assert err.startswith(
+        f"coc.exr: {WIDTH} x {HEIGHT}, depth 1.5 to 6 m and the background, focus 3 m, blur radius "
+    )
+    assert err.endswith(f"; signed radius {low:+.2f} to {high:+.2f} px, negative in front of the focus\n")
     np.testing.assert_array_equal(io.read_exr("coc.exr")["coc"], expected)
     assert run(["coc", "z.pfm", "-o", "coc.npy", *LENS_OPTIONS]) == 0
     np.testing.assert_array_equal(np.load("coc.npy"), expected)
@@ -114,3 +117,14 @@ def test_missing_packages_are_named(scene, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     message = fails(capsys, 1, "coc", "z.pfm", "-o", "o.png", *LENS_OPTIONS)
     assert "pip install '.[metrics]'" in message
+
+
+def test_compare_can_be_quiet(scene, capsys):
+    pytest.importorskip("skimage")
+    pytest.importorskip("flip_evaluator")
+    assert run(["compare", "a.png", "a.png", "-o", "c.png"]) == 0
+    assert "c.png: " in capsys.readouterr().err
+    assert run(["compare", "a.png", "a.png", "-o", "c.png", "-q"]) == 0
+    out, err = capsys.readouterr()
+    assert out.startswith("PSNR ")
+    assert err == ""

@@ -88,7 +88,7 @@ def test_focus_at_a_pixel(scene, monkeypatch):
         ([], "--aperture-radius --focus-distance --fov missing"),
         (["--fov", "40", "--focus-distance", "3"], "--aperture-radius missing"),
         (["--f-number", "2", "--focus-distance", "3"], "--focal-length-mm missing"),
-        ([*LENS_OPTIONS, "--f-number", "2"], "has no --aperture-radius --fov"),
+        ([*LENS_OPTIONS, "--f-number", "2"], "--aperture-radius --fov cannot be given with --f-number"),
         (["--lens", "no.toml"], "no.toml: No such file"),
         (["--lens", "a.exr"], "a.exr: not a TOML file"),
     ],

@@ -6,8 +6,8 @@ import time
 import dofsim
 import numpy as np
 import pytest
-from command_lines import HEIGHT, LENS, LENS_OPTIONS, WIDTH
-from dofsim import _console
+from command_lines import HEIGHT, LENS, LENS_OPTIONS, WIDTH, fails
+from dofsim import _console, io
 from dofsim.cli import run
 
 
@@ -90,7 +90,7 @@ def test_a_long_render_says_how_far_it_is(monkeypatch, capsys):
     monkeypatch.setattr(_console, "_FIRST_WORD_S", 0.2)
     monkeypatch.setattr(_console, "_LOOK_S", 0.01)
     out = np.full((30, 40, 3), np.nan, np.float32)
-    with _console.to_stderr(), _console.patience(out, "lens"):
+    with _console.to_stderr(), _console.patience("rendering 40 x 30", out=out, faster=_console.FASTER):
         # A quarter at once, and then nothing.
         out[:, :10] = 0.0
         time.sleep(0.5)
@@ -98,6 +98,73 @@ def test_a_long_render_says_how_far_it_is(monkeypatch, capsys):
     assert len(lines) == 1
     said = r"rendering 40 x 30: \d+ s so far, 25% done, about \d+ s to go; faster, with less detail: "
     assert re.fullmatch(said + "--method gaussian, levels, hexagonal", lines[0])
-    with _console.to_stderr(), _console.patience(out, "lens"):
+    with _console.to_stderr(), _console.patience("rendering 40 x 30", out=out, faster=_console.FASTER):
         pass
     assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("scale", "said"),
+    [
+        (1000.0, "depth 1500 to 6000 m and the background, focus 2000 m"),
+        (1e5, "depth 150000 to 600000 m and the background, focus 200000 m"),
+        (1e-3, "depth 0.0015 to 0.006 m and the background, focus 0.2 cm"),
+    ],
+)
+def test_depth_is_written_without_exponents(scene, capsys, scale, said):
+    words = ["--depth-scale", str(scale), "--focus-distance", str(2 * scale)]
+    assert run(["render", "a.exr", "-o", "o.exr", *LENS_OPTIONS, *words, "--max-coc-px", "3"]) == 0
+    assert said in capsys.readouterr().err
+
+
+def test_the_scale_of_relative_depth_is_said(scene, capsys):
+    np.save("d.npy", np.linspace(4, 255, HEIGHT * WIDTH, dtype=np.float32).reshape(HEIGHT, WIDTH))
+    words = ["--depth-kind", "relative", "--strength-px", "3", "--focus", "0.5"]
+    arguments = ["render", "a.png", "d.npy", "-o", "o.png", *words]
+    assert run(arguments) == 0
+    assert "relative disparity 4 to 255 (taken as 0 to 1, outliers aside), focus" in capsys.readouterr().err
+    assert run([*arguments, "--depth-range", "0,510"]) == 0
+    assert "relative disparity 4 to 255 (0 to 510 taken as 0 to 1), focus" in capsys.readouterr().err
+
+
+def test_a_focus_beyond_the_scale_of_relative_depth_is_suspicious(scene, capsys):
+    np.save("d.npy", np.linspace(4, 255, HEIGHT * WIDTH, dtype=np.float32).reshape(HEIGHT, WIDTH))
+    words = ["--depth-kind", "relative", "--strength-px", "3", "--max-coc-px", "3"]
+    for focus, suspicious in (("-0.1", True), ("0", False), ("1", False), ("128", True)):
+        assert run(["render", "a.png", "d.npy", "-o", "o.png", *words, "--focus", focus]) == 0
+        assert ("relative disparity runs from 0 (far) to 1 (near)" in capsys.readouterr().err) == suspicious
+
+
+def test_errors_of_an_argument_are_in_the_words_of_options(scene, capsys):
+    np.save("d.npy", np.ones((HEIGHT, WIDTH), np.float32))
+    strength = ["--strength-percent", "3", "--focus", "0"]
+    message = fails(capsys, 2, "render", "a.png", "d.npy", "-o", "o.png", *strength)
+    assert (
+        "the lens is given by --strength-percent or --strength-px, which needs --depth-kind disparity or"
+        in message
+    )
+    assert '"' not in message
+    both = ["--f-number", "2", "--focal-length-mm", "50"]
+    message = fails(capsys, 2, "render", "a.exr", "-o", "o.exr", *LENS_OPTIONS, *both)
+    assert "--aperture-radius --fov cannot be given with --focal-length-mm --f-number" in message
+    words = ["--device", "cpu", "--profile"]
+    assert run(["render", "a.exr", "-o", "o.exr", *LENS_OPTIONS, *words]) == 1
+    assert "\ndofsim: --profile: " in capsys.readouterr().err
+
+
+def test_a_file_without_depth_says_the_way_out(scene, capsys):
+    io.write_image("plain.exr", np.ones((HEIGHT, WIDTH, 3), np.float32))
+    message = fails(capsys, 2, "render", "plain.exr", "-o", "o.exr", *LENS_OPTIONS)
+    assert "give the depth in a file of its own" in message
+    assert "--depth-channel" in message
+    message = fails(capsys, 2, "render", "a.png", "-o", "o.exr", *LENS_OPTIONS)
+    assert "give the depth in a file of its own" in message
+
+
+def test_negative_depth_is_named_before_the_focus(scene, capsys):
+    _, depth = scene
+    np.save("d.npy", -np.where(np.isinf(depth), 9.0, depth))
+    words = ["--aperture-radius", "0.03", "--fov", "40", "--focus-at", "30,20"]
+    message = fails(capsys, 2, "render", "a.png", "d.npy", "-o", "o.exr", *words)
+    assert "values are negative" in message
+    assert "--depth-scale -1" in message

@@ -91,6 +91,10 @@ def test_a_margin_that_is_not_there(picture, capsys):
     assert "--overscan must be at most 16" in capsys.readouterr().err
     # Without the window, a margin that is not stored beyond the display window is part of it.
     assert run(["render", "a.exr", "-o", "o.exr", *OPTIONS, "--overscan", "17"]) == 0
+    said = capsys.readouterr().err
+    assert f"stores {MARGIN} pixels beyond the display window, fewer than --overscan 17" in said
+    assert "the margin is cut from the display window, and the output is smaller" in said
+    assert "--window data does" not in said
     inner = slice(MARGIN, -MARGIN), slice(MARGIN, -MARGIN)
     expected = dofsim.render(color[inner], depth[inner], dofsim.Lens(**LENS), overscan=17)
     np.testing.assert_array_equal(io.read_color("o.exr").pixels, expected)

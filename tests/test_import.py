@@ -1,5 +1,6 @@
 """`import dofsim` is quick, and takes nothing optional with it."""
 
+import importlib
 import shutil
 import subprocess
 import sys
@@ -72,3 +73,9 @@ def test_no_part_opens_a_socket_to_elsewhere(tmp_path):
     assert run.returncode == 0, run.stderr
     # A display is looked for through a file of this machine.
     assert "AF_INET" not in trace.read_text()
+
+
+@pytest.mark.parametrize("name", ["io", "batch", "metrics", "photo", "presets", "cameras"])
+def test_a_module_lists_its_public_names_alone(name):
+    module = importlib.import_module(f"dofsim.{name}")
+    assert [one for one in dir(module) if not one.startswith("__")] == sorted(module.__all__)

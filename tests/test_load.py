@@ -266,6 +266,32 @@ print("over", flush=True)
         assert out == "over\n"
 
 
+@linux
+def test_only_the_main_thread_comes_back_to_the_interpreter_before_its_render_is_over():
+    # CPython before 3.13 crashes if a daemon thread does so while the interpreter ends. A thread
+    # that only waits for its workers is not woken.
+    code = """
+def wakings(thread):
+    with open(f"/proc/self/task/{thread.native_id}/status") as file:
+        return [int(line.split()[1]) for line in file if line.startswith("voluntary_ctxt_switches")]
+
+def render():
+    dofsim.render(color, depth, lens, views=16384)
+
+thread = threading.Thread(target=render, daemon=True)
+thread.start()
+while time.process_time() < 1.5:
+    time.sleep(0.01)
+before = wakings(thread)
+time.sleep(0.5)
+print(thread.is_alive(), wakings(thread) == before, flush=True)
+"""
+    with ended(child(NOISE + code)) as process:
+        out, err = process.communicate(timeout=HANG_S)
+        assert process.returncode == 0, err
+        assert out == "True True\n"
+
+
 SOAK = """
 import gc, os, sys
 import numpy as np

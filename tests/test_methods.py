@@ -82,6 +82,19 @@ def test_constant_picture_stays_constant(method, depth, value):
         np.testing.assert_allclose(out, value, rtol=1e-5)
 
 
+@pytest.mark.parametrize(
+    "options",
+    [*({"method": method} for method in METHODS), {"method": "poisson", "taps": 2, "bokeh": "inverse"}],
+    ids=str,
+)
+def test_no_light_becomes_less_than_none(options):
+    # A mean of two taps is that of their differences from the pixel: minus its light, where both are dark.
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        lit = np.where(rng.random((48, 64, 1)) < 0.5, rng.random((48, 64, 4)), 0.0)
+        assert render(lit, rng.uniform(-2.0, 2.0, lit.shape[:2]), **options).min() >= 0.0
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_channels_are_filtered_alike(method, color, depth):
     together = render(color, depth, method)

@@ -158,7 +158,9 @@ def test_one_command(tmp_path, capsys, name):
     assert out_said == ""
     assert said.count("\n") == 1
     assert f"out.jpg: {WIDTH} x {HEIGHT}" in said
-    assert "refined, focus at 60,50, blur radius 0 to" in said
+    assert "refined, focus at pixel 60,50, blur radius 0 to" in said
+    assert "depth map of " in said
+    assert "(larger is nearer) refined" in said
     assert "Display P3" in said
     again = photo.read(out)
     assert again.image.pixels.shape == PICTURE.shape
@@ -411,3 +413,58 @@ def test_any_bytes_are_read_or_refused(tmp_path):
         (tmp_path / "d.jpg").write_bytes(bytes(damaged))
         with contextlib.suppress(ValueError):
             photo.read(tmp_path / "d.jpg")
+
+
+def test_what_the_depth_is_taken_for_is_said(tmp_path, capsys):
+    jpeg(tmp_path / "in.jpg")
+    depth = png(tmp_path / "d.png", NEARNESS)
+    arguments = ["photo", str(tmp_path / "in.jpg"), str(depth), "-o", str(tmp_path / "out.jpg")]
+    assert run([*arguments, "--depth-far-is-white", "--keep-depth"]) == 0
+    assert f"depth map of {WIDTH} x {HEIGHT} (larger is farther) as it is" in capsys.readouterr().err
+    with_gdepth(tmp_path / "in.jpg", 255 - NEARNESS)
+    assert run(["photo", str(tmp_path / "in.jpg"), "-o", str(tmp_path / "out.jpg")]) == 0
+    assert f"its own depth of {WIDTH} x {HEIGHT} refined" in capsys.readouterr().err
+
+
+def test_a_photograph_without_blur_is_warned_of(tmp_path, capsys):
+    jpeg(tmp_path / "in.jpg")
+    arguments = ["photo", str(tmp_path / "in.jpg"), str(tmp_path / "d.png"), "-o", str(tmp_path / "out.jpg")]
+    png(tmp_path / "d.png", NEARNESS)
+    assert run([*arguments, "--f-number", "64"]) == 0
+    said = capsys.readouterr().err.splitlines()
+    assert any(line.startswith("dofsim: ") and "the blur is too small to see" in line for line in said)
+    png(tmp_path / "d.png", np.full_like(NEARNESS, 99))
+    assert run(arguments) == 0
+    assert "disparity is 99 everywhere" in capsys.readouterr().err
+
+
+def test_a_render_is_no_photograph(tmp_path, capsys):
+    io.write_image(tmp_path / "in.exr", PICTURE.astype(np.float32))
+    assert run(["photo", str(tmp_path / "in.exr"), "-o", str(tmp_path / "out.jpg")]) == 2
+    assert "`dofsim render`" in capsys.readouterr().err
+
+
+def test_a_long_photograph_says_how_far_it_is(tmp_path, capsys, monkeypatch):
+    from dofsim import _console
+
+    monkeypatch.setattr(_console, "_FIRST_WORD_S", 0.0)
+    monkeypatch.setattr(_console, "_LOOK_S", 0.001)
+    patience, watched = _console.patience, []
+
+    def watch(what, *, out=None):
+        watched.append(out)
+        return patience(what, out=out)
+
+    monkeypatch.setattr(_console, "patience", watch)
+    jpeg(tmp_path / "in.jpg")
+    depth = png(tmp_path / "d.png", NEARNESS)
+    arguments = ["photo", str(tmp_path / "in.jpg"), str(depth), "-o", str(tmp_path / "out.jpg")]
+    assert run(arguments) == 0
+    said = capsys.readouterr().err
+    assert f"refining the depth of {WIDTH} x {HEIGHT}: " in said
+    assert f"rendering {WIDTH} x {HEIGHT}: " in said
+    assert "--method" not in said
+    # What is rendered into tells how much is done.
+    assert watched[0] is None
+    assert watched[1].shape == PICTURE.shape
+    assert not np.isnan(watched[1]).any()

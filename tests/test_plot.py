@@ -180,3 +180,9 @@ def test_an_opening_shows_itself():
     html = dofsim.Aperture(blades=3, rotation=90.0)._repr_html_()
     assert base64.b64decode(re.search(r"base64,([^']+)", html)[1]) == png
     assert "alt='" in html
+
+
+def test_blur_is_said_to_be_a_radius():
+    lens = dofsim.Lens.from_camera(focal_length_mm=50, f_number=1.4, focus_distance=1.5)
+    assert "blur radius at \N{INFINITY}" in lens._repr_html_()
+    assert "blur radius" in dofsim.Lens.from_disparity(strength_percent=3, focus=0.5)._repr_html_()

@@ -1,5 +1,6 @@
 """Depth of field as a real lens would have taken it, from a picture and its depth."""
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from dofsim._dofsim import (
@@ -21,6 +22,13 @@ from dofsim._dofsim import (
 from dofsim._focus import focus_pull
 
 if TYPE_CHECKING:
+    from dofsim import batch as batch
+    from dofsim import cameras as cameras
+    from dofsim import io as io
+    from dofsim import metrics as metrics
+    from dofsim import photo as photo
+    from dofsim import plot as plot
+    from dofsim import presets as presets
     from dofsim._ids import render_ids
     from dofsim.cameras import Camera
     from dofsim.picker import FocusPicker as FocusPicker
@@ -48,6 +56,10 @@ __all__ = [
     "restore_highlights",
 ]
 
+_MODULES = ("batch", "cameras", "io", "metrics", "photo", "presets")
+# These need optional packages, and completion does not show them.
+_OPTIONAL_MODULES = ("mitsuba", "plot", "torch")
+
 
 def __getattr__(name: str) -> Any:
     """Import what is slow to load when it is asked for: some need NumPy, the widget optional packages."""
@@ -63,9 +75,11 @@ def __getattr__(name: str) -> Any:
         from dofsim.picker import FocusPicker
 
         return FocusPicker
+    if name in (*_MODULES, *_OPTIONAL_MODULES):
+        return import_module(f"dofsim.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    """List the public names, the widget's among them."""
-    return sorted({*__all__, "FocusPicker"})
+    """List the public names, the widget's and those of modules among them."""
+    return sorted({*__all__, "FocusPicker", *_MODULES})

@@ -103,7 +103,9 @@ def batch_command(
     dry_run: Annotated[
         bool,
         typer.Option(
-            "--dry-run", help="List the frames, check the options and write nothing.", rich_help_panel=_FRAMES
+            "--dry-run",
+            help="List the frames, check the options, read the first frame and write nothing.",
+            rich_help_panel=_FRAMES,
         ),
     ] = False,
     dask: Annotated[
@@ -291,6 +293,7 @@ def batch_command(
         for frame in frames:
             inputs = " + ".join(printable(str(path)) for path in (frame.color, frame.depth) if path)
             print(f"{inputs} -> {printable(str(frame.output))}")
+        _look_at(frames[0])
         log.info("%d frames; nothing was written (--dry-run)", len(frames))
         return 0
     return _run(frames, output, workers=workers, dask=dask, resume=resume)
@@ -423,20 +426,56 @@ def _run(frames: list[Frame], output: Path, *, workers: int, dask: str | None, r
         len(frames) / seconds,
     )
     if summary := summarise(frames, output):
-        _say_summary(summary)
+        _say_summary(summary, output)
     if counts["failed"]:
         log.info("%s: what failed, and why", failures)
     return 1 if counts["failed"] else 0
 
 
-def _say_summary(summary: dict[str, Any]) -> None:
-    """Say how wide the blur of the frames is, and what of it is suspicious."""
-    radius = summary["largest_blur_radius_px"]
+def _look_at(frame: Frame) -> None:
+    """Say how deep a frame is and how wide its blur is, or what is wrong with it; nothing is rendered."""
+    from .batch import Result, work
+
+    # The circle of confusion is where invalid depth is refused. It has no margin.
+    outputs = () if frame.options["overscan"] else ("coc",)
+    found = work.compute(work.read(replace(frame, outputs=outputs, neighbours=()), resume=False))
+    if isinstance(found, Result):
+        raise ValueError(f"{frame.color}: {found.error}")
+    record = found.found
+    log.info("%s: %s%s", frame.color, _depth_of(record), _blur_of(record["blur_radius_px"]["max"]))
+    for suspicion in record["suspicions"].values():
+        log.warning("%s: %s", frame.color, options.in_options(suspicion))
+
+
+def _depth_of(record: dict[str, Any]) -> str:
+    """Write the range of the depth in a record or a summary, if it has one."""
+    from ._report import spread
+
+    if (ends := record["depth_range"]) is None:
+        return ""
+    return f"{spread(record['depth_quantity'], record['depth_unit'], ends)}; "
+
+
+def _blur_of(radius_px: float) -> str:
+    """Write the largest blur radius of one frame."""
+    from ._report import pixels
+
+    return f"the largest blur radius is {pixels(radius_px)} px"
+
+
+def _say_summary(summary: dict[str, Any], output: Path) -> None:
+    """Say how deep the frames are and how wide their blur is, and what of it is suspicious."""
+    from ._report import pixels
+
+    largest = summary["largest_blur_radius_px"]
+    blur = _blur_of(largest["max"])
     if summary["frames"] > 1:
-        log.info(
-            "largest blur radius of a frame: %g px (5 %% of frames) to %g px (95 %%), median %g px",
-            *(radius[name] for name in ("p5", "p95", "median")),
+        radius = {name: pixels(value) for name, value in largest.items()}
+        blur = (
+            f"the largest blur radius of a frame is {radius['median']} px (median), {radius['p5']} to "
+            f"{radius['p95']} px from the 5th to the 95th percentile"
         )
+    log.info("%s: %s%s", output, _depth_of(summary), blur)
     for found in summary["suspicions"].values():
         log.warning(
             "%d of %d frames, the first is %s: %s",

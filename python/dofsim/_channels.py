@@ -143,7 +143,10 @@ def depth(channels: Sequence[Channel], name: str | None = None, layer: str | Non
             f"{listed(c.full for c in mist)} is mist, which runs from 0 to 1 along a curve and is not depth; "
             "render the depth (in Blender: the pass called Z or Depth)"
         )
-    raise ValueError(f"no channel is the depth by its name; channels: {listed(c.full for c in channels)}")
+    raise ValueError(
+        f"no channel is the depth by its name; channels: {listed(c.full for c in channels)}. Name the "
+        "one that is meant (depth_channel), or give the depth in a file of its own"
+    )
 
 
 def color(channels: Sequence[Channel], layer: str | None = None) -> list[Channel]:

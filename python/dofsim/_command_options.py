@@ -91,7 +91,7 @@ StrengthPercent = Annotated[
     float | None,
     typer.Option(
         metavar="PERCENT",
-        help="The same in percent of the picture's width; 2 to 5 are usual.",
+        help="The same radius in percent of the picture's width; 2 to 5 are usual.",
         rich_help_panel=_LENS,
     ),
 ]
@@ -235,8 +235,8 @@ WindowOption = Annotated[
     str | None,
     typer.Option(
         metavar="WINDOW",
-        help="Which pixels of an OpenEXR file: display (default), or data, by which what is stored beyond "
-        "the display window is used as overscan.",
+        help="Which pixels of an OpenEXR file to use: display (default), or data. With data, the pixels "
+        "stored beyond the display window are overscan.",
         rich_help_panel=_PICTURE,
     ),
 ]
@@ -244,8 +244,9 @@ Overscan = Annotated[
     int,
     typer.Option(
         metavar="PIXELS",
-        help="Margin of the picture on every side beyond the output, in pixels of the output. Of an OpenEXR "
-        "file it is taken from what is stored beyond the display window, if that is enough.",
+        help="Margin on every side that the lens sees and the output lacks, in pixels of the output. In an "
+        "OpenEXR file, what is stored beyond the display window is used if that is enough; else, and in any "
+        "other file, the margin is cut from the picture.",
         rich_help_panel=_PICTURE,
     ),
 ]
@@ -262,7 +263,7 @@ MaxCoc = Annotated[
     typer.Option(
         "--max-coc-px",
         metavar="PIXELS",
-        help="Largest radius of the circle of confusion, in pixels.",
+        help="Bound on the blur: no radius of a circle of confusion is larger, in pixels.",
         rich_help_panel=_RENDERING,
     ),
 ]
@@ -479,11 +480,11 @@ def in_options(message: str) -> str:
     >>> in_options("aperture_radius must be a radius in metres; got -1")
     '--aperture-radius must be a radius in metres; got -1'
     """
+    if _OF_FILES.search(message):
+        return message
     for words, option in _SAID.items():
         message = message.replace(words, option)
     message = _GIVEN.sub(lambda found: f"{_OPTIONS[found[1]]} {found[2] or found[3]}", message)
-    if any(words in message for words in _OF_FILES):
-        return message
     message = _NAMED.sub(lambda found: _OPTIONS[found[0]], message)
     for after in (" must ", ": "):
         name, found, rest = message.partition(after)
@@ -538,7 +539,7 @@ _OPTIONS = {
     for field in fields(group)
 } | {
     name: f"--{name.replace('_', '-')}"
-    for name in ("border", "limit", "nearest_m", "outputs", "quality", "sharp_radius_px", "slices")
+    for name in ("border", "limit", "nearest_m", "outputs", "profile", "quality", "sharp_radius_px", "slices")
 }
 _OPTIONS["scale"] = "--depth-scale"
 _OPTIONS["lens_file"] = "--lens"
@@ -552,7 +553,7 @@ _NAMED = re.compile(
     rf"{_NOT_IN_A_PATH}(?:{'|'.join(name for name in _LONGEST_FIRST if '_' in name)})(?![\w/.-])"
 )
 # Errors about the words of a file are in the words of files.
-_OF_FILES = ('[aperture] has no "', 'a lens has no "')
+_OF_FILES = re.compile(r'\[aperture\] has no "|a lens has no "|\.(?:csv|jsonl), line \d+: ', re.IGNORECASE)
 _SAID = {
     INTEGER_DEPTH: "which have no unit of their own. Say --depth-kind relative for a network's disparity, "
     "--depth-scale 0.001 for millimetres, or --preset NAME for a data set (hypersim, kitti, nyu, tum, "
@@ -564,7 +565,8 @@ _SAID = {
     "from_disparity() takes one of strength_px and": "--strength-px excludes",
     "needs a lens made by Lens.from_disparity": "needs a lens of --strength-percent or --strength-px and "
     "--focus",
-    "the lens was made by Lens.from_disparity": "the lens is one of --strength-percent or --strength-px",
+    "the lens was made by Lens.from_disparity": "the lens is given by --strength-percent or --strength-px",
+    'depth_kind="disparity" or "relative"': "--depth-kind disparity or relative",
     "(depth_channel)": "(--depth-channel)",
     "(refine_depth)": "(--refine-depth)",
     "(layer)": "(--layer)",
@@ -572,6 +574,7 @@ _SAID = {
     "refine is for a picture": "--refine-depth is for a picture",
     "dofsim.photo reads": "`dofsim photo` reads",
     "dofsim.photo turns": "`dofsim photo` turns",
+    "dofsim.render takes": "`dofsim render` takes",
     "dofsim.devices()": "`dofsim devices`",
     "guide and kinds are for method=": "--channels is for --method ",
     "with guide or kinds, which": "with --channels, which",

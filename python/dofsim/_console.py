@@ -7,7 +7,7 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, TextIO
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["patience", "set_level", "taken", "to_stderr", "wake", "without_noise"]
+__all__ = ["FASTER", "patience", "set_level", "taken", "to_stderr", "wake", "without_noise"]
 
 log = logging.getLogger("dofsim")
 
@@ -30,7 +30,7 @@ _NEXT_WORD = 4.0
 _LOOK_S = 0.1
 _SAMPLES = 4096
 # What blurs widely in less time than the default, which knows what each point of the lens sees.
-_FASTER = ("gaussian", "levels", "hexagonal")
+FASTER = ("gaussian", "levels", "hexagonal")
 
 
 class _Lines(logging.Handler):
@@ -78,18 +78,22 @@ def taken(seconds: float) -> str:
 
 
 @contextmanager
-def patience(out: NDArray[np.float32], method: str) -> Iterator[None]:
-    """Say how far a long render is, how long the rest will take, and what would be faster.
+def patience(
+    what: str, *, out: NDArray[np.float32] | None = None, faster: Sequence[str] = ()
+) -> Iterator[None]:
+    """Say how far long work is, how long the rest will take, and what would be faster.
 
     Parameters
     ----------
-    out : ndarray
+    what : str
+        The work.
+    out : ndarray, optional
         What is rendered into, of which NaN is not rendered yet.
-    method : str
-        How it is rendered.
+    faster : sequence of str, optional
+        Methods that would take less time.
     """
     over = threading.Event()
-    watcher = threading.Thread(target=_watch, args=(out, method, over), daemon=True)
+    watcher = threading.Thread(target=_watch, args=(what, out, faster, over), daemon=True)
     watcher.start()
     try:
         yield
@@ -98,26 +102,25 @@ def patience(out: NDArray[np.float32], method: str) -> Iterator[None]:
         watcher.join()
 
 
-def _watch(out: NDArray[np.float32], method: str, over: threading.Event) -> None:
+def _watch(what: str, out: NDArray[np.float32] | None, faster: Sequence[str], over: threading.Event) -> None:
     import numpy as np
 
     # Enough of the picture to know the share that is done to a few per cent.
-    some = out.reshape(-1)[:: max(1, out.size // _SAMPLES)]
-    height, width = out.shape[:2]
+    some = None if out is None else out.reshape(-1)[:: max(1, out.size // _SAMPLES)]
     start, first, due = time.perf_counter(), None, _FIRST_WORD_S
     while not over.wait(_LOOK_S):
         elapsed = time.perf_counter() - start
-        done = 1.0 - float(np.isnan(some).mean())
+        done = 0.0 if some is None else 1.0 - float(np.isnan(some).mean())
         if first is None and done > 0.0:
             # What comes before is preparation.
             first = elapsed
         if elapsed < due:
             continue
-        text = f"rendering {width} x {height}: {elapsed:.0f} s so far"
+        text = f"{what}: {elapsed:.0f} s so far"
         if first is not None and first < elapsed and 0.0 < done < 1.0:
             text += f", {done:.0%} done, about {(elapsed - first) * (1.0 - done) / done:.0f} s to go"
-        if method == "lens":
-            text += f"; faster, with less detail: --method {', '.join(_FASTER)}"
+        if faster:
+            text += f"; faster, with less detail: --method {', '.join(faster)}"
         log.info("%s", text)
         due = _NEXT_WORD * elapsed
 

@@ -103,7 +103,7 @@ def _facts(lens: Lens) -> list[tuple[str, str]]:
             if lens.strength_percent is None
             else f"{lens.strength_percent:g} % of the width"
         )
-        return [("focus", in_focus(lens)), ("blur", f"{strength} per unit of disparity")]
+        return [("focus", in_focus(lens)), ("blur radius", f"{strength} per unit of disparity")]
     facts = [
         ("focus", in_focus(lens)),
         ("field of view", f"{lens.fov:.4g}\N{DEGREE SIGN} along {lens.fov_axis}"),
@@ -117,7 +117,7 @@ def _facts(lens: Lens) -> list[tuple[str, str]]:
         ("opening", f"{2e3 * lens.aperture_radius:.3g} mm wide"),
         ("sharp", f"{metres(nearest)} to {metres(farthest)}"),
         ("hyperfocal", metres(blur.hyperfocal(SHARP_RADIUS_PX))),
-        ("blur at \N{INFINITY}", f"{float(blur.radius_px(np.inf)):.3g} px of {_SIZE[0]}"),
+        ("blur radius at \N{INFINITY}", f"{float(blur.radius_px(np.inf)):.3g} px of {_SIZE[0]}"),
     ]
 
 

@@ -44,6 +44,8 @@ class Framed:
         The width of a pixel over its height.
     unused : int
         Pixels stored beyond the display window on every side that are not used.
+    too_few : int
+        Pixels stored there where a wider margin was asked for, which is then cut from the display window.
     """
 
     rgbd: io.RGBD
@@ -53,6 +55,7 @@ class Framed:
     corner: tuple[int, int] | None = None
     pixel_aspect: float = 1.0
     unused: int = 0
+    too_few: int = 0
 
     def seen_depth(self, supersample: int) -> NDArray[np.float32]:
         """Give the depth of the output, without its margin."""
@@ -118,7 +121,8 @@ def read_framed(
     if not any(sides) or wanted is None or left + right >= seen_width or top + bottom >= seen_height:
         corner = (x, y) if (supersample, overscan) == (1, 0) else None
         rgbd = io.read_rgbd(color, depth, **reading)
-        return Framed(rgbd=rgbd, overscan=overscan, corner=corner, unused=margin, **words)
+        words["too_few" if window is None and overscan > margin else "unused"] = margin
+        return Framed(rgbd=rgbd, overscan=overscan, corner=corner, **words)
     if _sides_of_depth(file, depth, (seen_width, seen_height), reading) != sides:
         if window == "data" or overscan:
             raise ValueError(f"{color}: the data window of the depth is another one; pass window='display'")

@@ -42,7 +42,7 @@ def render_ids(
     views: int | None = None,
     threads: int | None = None,
 ) -> NDArray[np.float32]:
-    """Return ranks of ids and coverage, as Cryptomatte has them, through a lens.
+    """Return Cryptomatte's ranks of ids and coverage as they are through a lens.
 
     The coverage of each id goes through the lens as a matte, and every pixel then ranks the ids that it sees.
 

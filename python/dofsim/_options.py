@@ -211,7 +211,8 @@ def make_lens(words: Mapping[str, Any]) -> dofsim.Lens:
     further = {word: value for word, value in words.items() if word in FURTHER_WORDS}
     words = {word: value for word, value in words.items() if word not in further}
     if alien := [word for word in words if word not in known]:
-        raise ValueError(f"a lens of {_spell(known)} has no {_spell(alien)}")
+        given = [word for word in known if word in words and word not in FOCUS_WORDS]
+        raise ValueError(f"{_spell(alien)} cannot be given with {_spell(given)}")
     if missing := [word for word in known if word not in words and word not in _OPTIONAL]:
         raise ValueError(f"the lens is not complete: {_spell(missing)} missing. {_complete(missing)}")
     if "breathing" in further and maker is dofsim.Lens.from_camera:
@@ -374,6 +375,10 @@ def focused_words(
             focused = merged(words, {focus: getattr(found, focus)})
     except IndexError as error:
         raise ValueError(f"--focus-at: {error}") from error
+    except ValueError:
+        # What is wrong with all of the depth says more than that this pixel has none.
+        dofsim.coc(depth, make_lens(focused), **kind, invalid="far")
+        raise
     return focused
 
 

@@ -71,7 +71,7 @@ class Passes:
         for pattern in patterns:
             if not any(matches(channel, pattern) for channel in file.channels):
                 raise ValueError(
-                    f"{path}: there is no channel {pattern!r}; channels: "
+                    f"{path}: no channel or layer is called {pattern!r}; channels: "
                     f"{listed(channel.full for channel in file.channels)}"
                 )
         chosen = {

@@ -23,7 +23,7 @@ FNumber = Annotated[
     float,
     typer.Option(
         metavar="N",
-        help="The opening, as of a lens before a full frame: the smaller, the more blur.",
+        help="f-number of a lens on a full-frame camera: the smaller, the more blur.",
         rich_help_panel=_LENS,
     ),
 ]
@@ -64,7 +64,7 @@ SaveDepth = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE",
-        help="Also write the depth that was used, as a PNG of 16 bits, near white.",
+        help="Also write the depth that was used, as a PNG of 16 bits in which near is white.",
         rich_help_panel=_DEPTH,
     ),
 ]
@@ -80,7 +80,7 @@ SaveMatte = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE",
-        help="Also write a matte of what is in focus and before it, as a PNG to be painted over for --matte.",
+        help="Also write a matte of what is in focus or nearer, as a PNG to be painted over for --matte.",
         rich_help_panel=_PICTURE,
     ),
 ]
@@ -115,7 +115,11 @@ def photo_command(
     ],
     depth: Annotated[
         Path | None,
-        typer.Argument(help="A depth map of any size, if the photograph has none in it.", metavar="DEPTH"),
+        typer.Argument(
+            help="A depth map of any size, if the photograph has none in it. Larger values are nearer, as "
+            "networks have it; see --depth-far-is-white.",
+            metavar="DEPTH",
+        ),
     ] = None,
     focus_at: FocusAt = None,
     f_number: FNumber = 1.4,
@@ -138,6 +142,7 @@ def photo_command(
 
     from . import io
     from . import photo as photos
+    from ._report import Report, pixels
     from .cli import _check_output
     from .photo._write import check_writing
 
@@ -158,7 +163,10 @@ def photo_command(
         )
     given = shot.depth.shape
     height, width = shot.image.pixels.shape[:2]
-    plane, coverage = (shot.depth, None) if keep_depth else photos.refined_with_coverage(shot)
+    plane, coverage = shot.depth, None
+    if not keep_depth:
+        with _console.patience(f"refining the depth of {width} x {height}"):
+            plane, coverage = photos.refined_with_coverage(shot)
     if plane.shape != (height, width):
         raise ValueError(
             f"{depth or photo}: the depth is {given[1]} x {given[0]} and the picture {width} x {height} "
@@ -176,19 +184,24 @@ def photo_command(
             f"{matte}: must have the size of the photograph, {width} x {height}; got "
             f"{cover.shape[1]} x {cover.shape[0]}"
         )
-    aperture: dict[str, Any] = {} if blades is None else {"aperture": dofsim.Aperture(blades=blades)}
+    words: dict[str, Any] = {} if blades is None else {"aperture": dofsim.Aperture(blades=blades)}
     log.debug("%r", lens)
     _console.wake(device, verbose=verbose)
-    result = photos.render(
-        shot,
-        plane,
-        lens,
-        matte=cover,
-        restore_highlights=restore_highlights,
-        keep_grain=keep_grain,
-        device=device,
-        **aperture,
-    )
+    # What is not rendered yet is NaN. With a matte, layers are rendered, which have alpha.
+    shape = shot.image.pixels[..., :-1].shape if shot.image.alpha != "none" else shot.image.pixels.shape
+    if cover is None:
+        words["out"] = np.full(shape, np.nan, np.float32)
+    with _console.patience(f"rendering {width} x {height}", out=words.get("out")):
+        result = photos.render(
+            shot,
+            plane,
+            lens,
+            matte=cover,
+            restore_highlights=restore_highlights,
+            keep_grain=keep_grain,
+            device=device,
+            **words,
+        )
     photos.write(output, result, shot, quality=quality)
     if save_depth is not None:
         low, high = float(plane.min()), float(plane.max())
@@ -198,24 +211,27 @@ def photo_command(
         subject = photos.subject(plane, lens, coverage=coverage)
         io.write_image(save_matte, np.rint(65535 * subject).astype(np.uint16))
     seconds = time.perf_counter() - start
-    radius = np.abs(dofsim.coc(plane, lens, depth_kind="relative"))
+    report = Report.of(plane, lens, depth_kind="relative")
     named = shot.image.profile.name if shot.image.profile else "sRGB"
-    origin = "depth" if depth is not None else "its own depth"
+    larger = f" (larger is {'farther' if depth_far_is_white else 'nearer'})"
+    origin, larger = ("its own depth", "") if depth is None else ("depth map", larger)
     how = "as it is" if keep_depth else "refined"
     if restore_highlights:
         how += ", lamps by its gain map" if shot.gains is not None else ", lamps guessed"
     log.info(
-        "%s: %d x %d, %s of %d x %d %s, focus at %d,%d, blur radius %.0f to %.0f px, %s, %s",
+        "%s: %d x %d, %s of %d x %d%s %s, focus at pixel %d,%d, blur radius %s to %s px, %s, %s",
         output,
         width,
         height,
         origin,
         *given[::-1],
+        larger,
         how,
         x,
         y,
-        radius.min(),
-        radius.max(),
+        *(pixels(report.radius_px[end]) for end in (0, -1)),
         named,
         _console.taken(seconds),
     )
+    for suspicion in report.suspicions().values():
+        log.warning("%s: %s", output, options.in_options(suspicion))

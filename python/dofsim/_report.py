@@ -15,7 +15,7 @@ from ._blur import metres
 from ._dofsim import Lens, coc
 from ._options import UNITS
 
-__all__ = ["Report", "distribution", "log_render"]
+__all__ = ["Report", "distribution", "log_render", "pixels", "spread"]
 
 # A blur that is smaller than this everywhere cannot be seen, and one beyond this share of the width is rarely
 # meant.
@@ -45,12 +45,16 @@ class Report:
     ----------
     kind : str
         What the depth measures.
+    depth_range : tuple of float, optional
+        Of relative disparity, the values that are taken as 0 and 1; None for those of the picture itself.
     depth : tuple of float, optional
         The least and the greatest value of the depth of a surface, in the unit of its kind; None without any.
     has_background : bool
         Whether some pixels see no surface: they are infinitely far, or invalid and taken for that.
     focus : str
         What is in focus, with its unit.
+    is_on_scale : bool
+        Whether a focus on relative disparity lies between 0 and 1.
     radius_px : tuple of float
         The least, the median and the greatest radius of the blur, in pixels of the output.
     width : int
@@ -62,9 +66,11 @@ class Report:
     """
 
     kind: str
+    depth_range: tuple[float, float] | None
     depth: tuple[float, float] | None
     has_background: bool
     focus: str
+    is_on_scale: bool
     radius_px: tuple[float, float, float]
     width: int
     opened: bool
@@ -92,7 +98,7 @@ class Report:
         overscan, supersample, max_coc_px
             As for `dofsim.render`.
         **kind
-            ``depth_kind``, ``near`` and ``far`` of `dofsim.render`.
+            ``depth_kind``, ``near``, ``far`` and ``depth_range`` of `dofsim.render`.
 
         Returns
         -------
@@ -113,9 +119,11 @@ class Report:
         strength = (lens.aperture_radius, lens.strength_px, lens.strength_percent)
         return cls(
             kind=kind.get("depth_kind", "z"),
+            depth_range=kind.get("depth_range"),
             depth=(least, greatest) if finite.size else None,
             has_background=finite.size < seen.size,
             focus=_focus(lens),
+            is_on_scale=kind.get("depth_kind") != "relative" or 0.0 <= (lens.focus or 0.0) <= 1.0,
             radius_px=(float(radius.min()), float(np.median(radius)), float(radius.max())),
             width=radius.shape[-1] // supersample,
             opened=any(strength),
@@ -125,16 +133,27 @@ class Report:
     def __str__(self) -> str:
         """Return the depth, the focus and the blur on one line."""
         low, _, high = self.radius_px
-        return f"{self._depth()}, focus {self.focus}, blur radius {_pixels(low)} to {_pixels(high)} px"
+        return f"{self._depth()}, focus {self.focus}, blur radius {pixels(low)} to {pixels(high)} px"
 
     def _depth(self) -> str:
-        name, unit = _QUANTITIES.get(self.kind, ("depth", ""))
-        far = " and the background" if self.has_background else ""
+        name, unit = self._quantity
         if self.depth is None:
             return f"{name} infinite everywhere"
-        low, high = (f"{value:.3g}" for value in self.depth)
-        scale = " (taken as 0 to 1)" if self.kind == "relative" else ""
-        return f"{name} {low if low == high else f'{low} to {high}'}{f' {unit}' if unit else ''}{far}{scale}"
+        far = " and the background" if self.has_background else ""
+        return f"{spread(name, unit, self.depth)}{far}{self._scale()}"
+
+    def _scale(self) -> str:
+        """Say which relative disparities are taken as 0 and 1."""
+        if self.kind != "relative":
+            return ""
+        if self.depth_range is None:
+            return " (taken as 0 to 1, outliers aside)"
+        return f" ({' to '.join(map(_number, self.depth_range))} taken as 0 to 1)"
+
+    @property
+    def _quantity(self) -> tuple[str, str]:
+        """What the depth is, and its unit."""
+        return _QUANTITIES.get(self.kind, ("depth", ""))
 
     def suspicions(self) -> dict[str, str]:
         """Say what is probably not meant.
@@ -145,7 +164,7 @@ class Report:
             Sentences by what they are about; empty if nothing is suspicious.
         """
         found = {}
-        name, unit = _QUANTITIES.get(self.kind, ("depth", ""))
+        name, unit = self._quantity
         least, greatest = self.depth or (math.inf, math.inf)
         if unit == "m" and self.whole_numbers:
             found["whole numbers"] = (
@@ -153,7 +172,11 @@ class Report:
                 f"{UNITS}"
             )
         if least == greatest < math.inf and not self.has_background:
-            found["even depth"] = f"the {name} is {least:.3g}{f' {unit}' if unit else ''} everywhere"
+            found["even depth"] = f"the {spread(f'{name} is', unit, (least, least))} everywhere"
+        if not self.is_on_scale:
+            found["focus"] = (
+                f"the focus is {self.focus}, and relative disparity runs from 0 (far) to 1 (near)"
+            )
         largest = self.radius_px[2]
         if self.opened and largest < _SMALLEST_RADIUS_PX:
             found["no blur"] = (
@@ -163,8 +186,7 @@ class Report:
         if largest > _LARGEST_SHARE * self.width:
             found["wide blur"] = (
                 f"the blur is very wide: its radius reaches {largest:.0f} px, {largest / self.width:.0%} of "
-                f"the "
-                "width. Is the depth in the unit that was said?"
+                "the width. Is the depth in the unit that was said?"
             )
         return found
 
@@ -174,12 +196,15 @@ class Report:
         Returns
         -------
         dict
-            ``depth_range`` (least and greatest finite value), ``blur_radius_px`` (least, median and greatest)
-            and ``suspicions``.
+            ``depth_range`` (least and greatest finite value), ``depth_quantity`` and ``depth_unit``,
+            ``blur_radius_px`` (least, median and greatest) and ``suspicions``.
         """
         names = ("min", "median", "max")
+        quantity, unit = self._quantity
         return {
             "depth_range": self.depth,
+            "depth_quantity": quantity,
+            "depth_unit": unit,
             "blur_radius_px": dict(zip(names, (round(one, 4) for one in self.radius_px), strict=True)),
             "suspicions": self.suspicions(),
         }
@@ -224,7 +249,33 @@ def distribution(values: Sequence[float]) -> dict[str, float]:
     return dict(zip(shares, (float(f"{one:.4g}") for one in found), strict=True))
 
 
-def _pixels(radius: float) -> str:
+def spread(name: str, unit: str, ends: tuple[float, float]) -> str:
+    """Give a range of depth in words.
+
+    Parameters
+    ----------
+    name, unit : str
+        What it is a range of, and its unit.
+    ends : tuple of float
+        The least and the greatest value.
+
+    Returns
+    -------
+    str
+        Such as ``"depth 1.5 to 6 m"``.
+    """
+    low, high = map(_number, ends)
+    return f"{name} {low if low == high else f'{low} to {high}'}{f' {unit}' if unit else ''}"
+
+
+def _number(value: float) -> str:
+    """Write a number to three digits, with an exponent only where there would be many zeros."""
+    if 1e-6 <= abs(value) < 1e7:
+        return np.format_float_positional(value, precision=3, fractional=False, trim="-")
+    return f"{value:.3g}"
+
+
+def pixels(radius: float) -> str:
     """Write a radius to a tenth of a pixel."""
     return "0" if radius < 0.05 else f"{radius:.1f}" if radius < 10.0 else f"{radius:.0f}"
 

@@ -25,6 +25,12 @@ from ._names import shortened
 
 __all__ = ["Camera", "read_cameras", "write_cameras"]
 
+
+def __dir__() -> list[str]:
+    """List the public names."""
+    return sorted(__all__)
+
+
 # From the axes of OpenGL and Blender (x right, y up, z backward) to those of OpenCV.
 _FROM_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 # From those of an aircraft (x forward, y right, z down).
@@ -160,7 +166,7 @@ class Camera:
 
 
 def read_cameras(path: StrPath, *, size: tuple[int, int] | None = None) -> list[Camera]:
-    """Read the cameras of a file or a folder.
+    """Return the cameras that a file or a folder describes.
 
     Parameters
     ----------

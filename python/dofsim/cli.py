@@ -211,7 +211,8 @@ def render_command(
     }
     scene: dofsim.Scene | None = None
     if render_options.refine_depth:
-        scene = dofsim.Scene(color, framed.rgbd.depth, refine=True, **scene_words)
+        with _console.patience(f"refining the depth of {image}"):
+            scene = dofsim.Scene(color, framed.rgbd.depth, refine=True, **scene_words)
         framed = replace(framed, rgbd=replace(framed.rgbd, depth=scene.depth))
     rgbd = framed.rgbd
     _say_what_was_read(image, depth or image, framed)
@@ -239,8 +240,11 @@ def render_command(
     )
     _console.wake(render_options.device, verbose=verbose)
     start = time.perf_counter()
+    height, width = (side // finer for side in framed.seen_depth(finer).shape[-2:])
+    rendering = f"rendering {width} x {height}"
     if chosen_passes is not None:
-        planes = chosen_passes.render(color, rgbd.depth, lens, **scene_words, **method_words)
+        with _console.patience(rendering):
+            planes = chosen_passes.render(color, rgbd.depth, lens, **scene_words, **method_words)
         planes = {name: framed.cut(plane) for name, plane in planes.items()}
         chosen_passes.write(output, planes, framed.corner)
         height, width = next(iter(planes.values())).shape
@@ -248,10 +252,9 @@ def render_command(
         _say_what_was_made(output, (width, height), report, time.perf_counter() - start)
         return
     # What is not rendered yet is NaN.
-    height, width = framed.seen_depth(finer).shape[-2:]
-    shape = (height // finer, width // finer, *color.shape[rgbd.depth.ndim :])
-    out = np.full(shape, np.nan, np.float32)
-    with _console.patience(out, render_options.method):
+    out = np.full((height, width, *color.shape[rgbd.depth.ndim :]), np.nan, np.float32)
+    faster = _console.FASTER if render_options.method == "lens" else ()
+    with _console.patience(rendering, out=out, faster=faster):
         if scene is None:
             result = dofsim.render(color, rgbd.depth, lens, **scene_words, **method_words, out=out)
         else:
@@ -318,7 +321,13 @@ def coc_command(
         io.write_image(output, radius)
     report = Report.of(plane, lens, **kind, max_coc_px=max_coc_px)
     log.info(
-        "%s: %s; signed radius %+.2f px (near) to %+.2f px (far)", output, report, radius.min(), radius.max()
+        "%s: %d x %d, %s; signed radius %+.2f to %+.2f px, negative in front of the focus",
+        output,
+        radius.shape[1],
+        radius.shape[0],
+        report,
+        radius.min(),
+        radius.max(),
     )
     for suspicion in report.suspicions().values():
         log.warning("%s: %s", output, options.in_options(suspicion))
@@ -339,14 +348,17 @@ def compare_command(
     border: Annotated[
         int, typer.Option(metavar="PIXELS", help="Pixels along each edge that are left out of the numbers.")
     ] = 0,
+    quiet: options.Quiet = False,
 ) -> None:
-    """Measure how far two pictures are apart: PSNR, SSIM and FLIP."""
+    """Measure how far two pictures are apart, in sRGB: PSNR, SSIM and FLIP."""
     from . import _compare, _dofsim, _panel, io
 
+    _console.set_level(quiet=quiet)
     if output is not None:
         _check_output(output, [a, b], (".png",))
     first, second = (_compare.opaque(io.read_color(path)) for path in (a, b))
-    distance = _compare.measure(first, second, border=border)
+    with _console.patience("comparing"):
+        distance = _compare.measure(first, second, border=border)
     if output is not None:
         tiles = [
             _panel.Tile(a.name, _compare.shown(first)),
@@ -359,14 +371,21 @@ def compare_command(
 
 
 @app.command("devices", cls=Command)
-def devices_command(verbose: options.Verbose = False) -> None:
+def devices_command(
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Show also what the drivers print.")
+    ] = False,
+) -> None:
     """List the GPUs that can be computed on, besides the CPU."""
     with _console.without_noise(verbose):
         found = dofsim.devices()
     for device in found:
         mebibytes = device.max_binding_bytes // 2**20
         print(f"{device.id}  {device.name}")
-        print(f"       {device.kind}, {device.backend}, {device.driver}; up to {mebibytes} MiB a frame")
+        print(f"       {device.kind}, {device.backend}, {device.driver}")
+        print(f"       buffers of up to {mebibytes} MiB; larger frames are rendered in bands")
+        if device.kind == "software":
+            print(f"       computes on the CPU: used only if it is named (--device {device.id})")
     if not found:
         print("There is no GPU: no driver for Vulkan, Metal or Direct3D 12 is installed.")
 
@@ -404,8 +423,20 @@ def _say_what_was_read(image: Path, depth: Path, framed: Framed) -> None:
         log.info(
             "%s: %d pixels beyond the display window are not used; --window data does", image, framed.unused
         )
+    if framed.too_few:
+        log.info(
+            "%s: stores %d pixels beyond the display window, fewer than --overscan %d: the margin is cut "
+            "from the display window, and the output is smaller",
+            image,
+            framed.too_few,
+            framed.overscan,
+        )
     if framed.pixel_aspect != 1.0:
-        log.info("%s: its pixels are %g times as wide as high", image, framed.pixel_aspect)
+        log.info(
+            "%s: its pixels are %g times as wide as high; the blur radius is along the longer axis of a disc",
+            image,
+            framed.pixel_aspect,
+        )
 
 
 def _say_what_was_made(output: Path, size: tuple[int, int], report: Report, seconds: float) -> None:

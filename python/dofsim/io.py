@@ -63,6 +63,12 @@ __all__ = [
     "write_image",
 ]
 
+
+def __dir__() -> list[str]:
+    """List the public names."""
+    return sorted(__all__)
+
+
 Window = Literal["display", "data"]
 Coding = Literal["linear", "srgb", "profile"]
 
@@ -419,7 +425,10 @@ def read_rgbd(
             depth = _measured(plane, depth_scale or 1.0, depth_missing, depth_background)
             return _checked_rgbd(color_path, image, depth, chosen.full)
         if (kind := _datasets.file_kind(color_path)) != "npz":
-            raise ValueError(f"{color_path}: a file of kind {kind} holds no depth beside the picture")
+            raise ValueError(
+                f"{color_path}: a file of kind {kind} holds no depth beside the picture; give the depth in a "
+                "file of its own"
+            )
     image = read_color(color_path, layer=layer, transfer=transfer, window=window)
     plane, name = read_named_depth(
         color_path if depth_path is None else depth_path,

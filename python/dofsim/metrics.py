@@ -23,6 +23,11 @@ if TYPE_CHECKING:
 __all__ = ["error_map", "flip", "psnr", "regions", "srgb", "ssim"]
 
 
+def __dir__() -> list[str]:
+    """List the public names."""
+    return sorted(__all__)
+
+
 def srgb(linear: ArrayLike) -> NDArray[np.float64]:
     """Return linear light as sRGB code values, clipped to [0, 1].
 

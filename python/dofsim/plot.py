@@ -39,6 +39,12 @@ if TYPE_CHECKING:
 
 __all__ = ["aperture", "coc", "compare", "depth_of_field", "focal_stack", "pictures"]
 
+
+def __dir__() -> list[str]:
+    """List the public names."""
+    return sorted(__all__)
+
+
 _FAR_COLOR = "#2f62a8"
 _COC = ListedColormap(falsecolor.false_color(np.linspace(-1.0, 1.0, 256), 1.0) / 255.0)
 _HEAT = ListedColormap(falsecolor.heat(np.linspace(0.0, 1.0, 256)) / 255.0)

@@ -29,6 +29,11 @@ from typing import Any, Literal
 __all__ = ["PRESETS", "DepthPreset"]
 
 
+def __dir__() -> list[str]:
+    """List the public names."""
+    return sorted(__all__)
+
+
 @dataclass(frozen=True, kw_only=True)
 class DepthPreset:
     """What the depth in a kind of file means.

@@ -21,6 +21,12 @@ from dofsim._relative import range_of
 
 __all__ = ["Depth", "DepthOfField", "RandomDepthOfField"]
 
+
+def __dir__() -> list[str]:
+    """List the public names."""
+    return sorted(__all__)
+
+
 _DEPTH_WORDS = ("depth_kind", "near", "far", "depth_range", "invalid")
 
 
@@ -299,7 +305,7 @@ class DepthOfField(Dataset[Any]):
         self.epoch = 0
 
     def set_epoch(self, epoch: int) -> None:
-        """Draw other lenses from now on.
+        """Set the epoch, by which other lenses are drawn.
 
         Parameters
         ----------

@@ -300,7 +300,8 @@ fn average<const C: usize>(
     for c in 0..C {
         for i in 0..LANES {
             // If no tap counts at all, the pixel keeps its colour.
-            out[c][i] += sums.moved[c][i] / sums.total[i].max(f32::MIN_POSITIVE);
+            let difference = sums.moved[c][i] / sums.total[i].max(f32::MIN_POSITIVE);
+            out[c][i] = plan.average(out[c][i], difference);
         }
     }
     out

@@ -18,7 +18,8 @@ shared! {
         leak_test: u32,
         centre: f32,
         max_radius_px: f32,
-        _gap: [u32; 2],
+        rounding: f32,
+        _gap: u32,
         shift: Defocus,
     }
 }
@@ -53,7 +54,8 @@ pub fn render(
         leak_test: plan.leak_test as u32,
         centre: plan.centre,
         max_radius_px: plan.max_radius_px as f32,
-        _gap: [0; 2],
+        rounding: plan.rounding,
+        _gap: 0,
         shift: optics.defocus(Measure::Shift, 1.0).into(),
     };
     let taps = commands.gpu.upload("the table of taps", &taps)?;

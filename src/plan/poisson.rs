@@ -228,6 +228,9 @@ pub struct Plan {
     pub taps: Vec<Tap>,
     /// Contribution of the pixel itself.
     pub centre: f32,
+    /// The largest error of an average through rounding, as a fraction of the pixel's own light: half of a last place in
+    /// each of both sums for every tap, and in the difference, its product, the division and the sum with the pixel.
+    pub rounding: f32,
     /// The weight of taps in front.
     pub leak_test: LeakTest,
     /// Number of pixels that are read on every side.
@@ -244,6 +247,7 @@ impl Plan {
         Plan {
             taps: pattern.taps.clone(),
             centre: pattern.centre,
+            rounding: (pattern.taps.len() + 2) as f32 * f32::EPSILON,
             leak_test: *leak_test,
             // A bilinear tap also reads the next pixel; one more pixel allows for rounding.
             margin: max_radius_px.ceil() as usize + 2,
@@ -257,6 +261,16 @@ impl Plan {
     #[inline(always)]
     pub fn scale_px(&self, d: f32) -> f32 {
         self.optics.shift_px(f64::from(d)).clamp(-self.max_radius_px, self.max_radius_px) as f32
+    }
+
+    /// The average around a pixel of light `centre`, from the mean of its taps' differences from it.
+    ///
+    /// Around a bright pixel, dark taps have the mean of minus its own light, but for rounding. What that leaves below
+    /// no light is none.
+    #[inline(always)]
+    pub fn average(&self, centre: f32, difference: f32) -> f32 {
+        let average = centre + difference;
+        if average < 0.0 && average >= -self.rounding * centre { 0.0 } else { average }
     }
 
     /// Blurriness of a surface of disparity `d`, 0 to 1.

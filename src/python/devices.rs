@@ -44,7 +44,7 @@ impl PyDevice {
     }
 }
 
-/// The GPUs of this machine, and software rasterisers.
+/// A list of the GPUs of this machine, and of software rasterisers.
 ///
 /// Returns
 /// -------

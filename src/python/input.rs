@@ -48,9 +48,10 @@ impl Input {
         let expected = (shape.layers, shape.size.height, shape.size.width);
         if refining.is_none() && (planes.planes.len(), planes.height, planes.width) != expected {
             return Err(PyValueError::new_err(format!(
-                "depth must have the same layers, rows and columns as color, {expected:?}; got {:?}; refine=True takes depth of \
-                 one layer at any size",
-                (planes.planes.len(), planes.height, planes.width)
+                "depth must have the same layers, rows and columns as color, whose shape is {}; got shape {}; \
+                 refine=True takes depth of one layer at any size",
+                color.getattr("shape")?,
+                depth.getattr("shape")?,
             )));
         }
         let (mut largest, mut filled) = (0.0, None);

@@ -15,7 +15,7 @@ use numpy::{PyArray1, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-/// Linear light with the light that clipping took.
+/// The picture in linear light, with the light that clipping at white took put back.
 ///
 /// What was brighter than white is white in a photograph, so that its lamps blur to grey discs. How bright they were is
 /// guessed: a small clipped spot in dark surroundings is a lamp and gets much, and a large one, or one in bright
@@ -119,7 +119,7 @@ fn interleaved(planes: &[f32], area: usize, channels: usize) -> Vec<f32> {
     (0..area).flat_map(|i| (0..channels).map(move |c| planes[c * area + i])).collect()
 }
 
-/// A picture in two layers: what a matte shows, and what is behind it.
+/// Two layers of a picture and their depth: what a matte covers, and what is behind it.
 ///
 /// Parameters
 /// ----------

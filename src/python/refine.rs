@@ -17,7 +17,7 @@ use numpy::{PyArray1, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-/// Depth whose edges are those of the picture, from depth that is soft, coarse or noisy.
+/// The depth with the edges of the picture, from depth that is soft, coarse or noisy.
 ///
 /// The depth of a phone, of a network or of a filtered render is soft at edges: between two surfaces it has values of
 /// neither, which a lens shows as rims and serrations. Here each pixel of such a ramp gets the depth of one of the two,

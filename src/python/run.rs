@@ -115,6 +115,19 @@ pub fn installed<T: Send>(work: impl FnOnce() -> T + Send) -> PyResult<T> {
     Ok(pool.install(work))
 }
 
+/// Whether this thread is the one that Python runs signal handlers in: its main thread.
+///
+/// Another thread has no reason to take the interpreter lock while it renders. It must not, either: a daemon thread
+/// may render while the interpreter ends, and CPython before 3.13 crashes if a thread asks for the lock then.
+fn handles_signals(py: Python<'_>) -> bool {
+    let ask = || {
+        let threading = py.import("threading")?;
+        threading.call_method0("get_ident")?.eq(threading.call_method0("main_thread")?.getattr("ident")?)
+    };
+    // Where the modules are already gone, so are the handlers.
+    ask().unwrap_or(false)
+}
+
 /// Runs `work` on `threads` workers without the interpreter lock. A signal handler that raises, such as Ctrl-C's,
 /// stops the work and its exception is raised.
 pub fn detached<T: Send>(
@@ -125,6 +138,7 @@ pub fn detached<T: Send>(
     let team = team(threads)?;
     let pool = &*team.pool;
     let cancel = Cancel::default();
+    let handles_signals = handles_signals(py);
     py.detach(|| {
         std::thread::scope(|scope| {
             let (sender, receiver) = channel();
@@ -136,7 +150,12 @@ pub fn detached<T: Send>(
             });
             let mut interruption = None;
             loop {
-                match receiver.recv_timeout(SIGNAL_INTERVAL) {
+                let received = if handles_signals {
+                    receiver.recv_timeout(SIGNAL_INTERVAL)
+                } else {
+                    receiver.recv().map_err(|_| RecvTimeoutError::Disconnected)
+                };
+                match received {
                     Ok(Ok(result)) => break interruption.map_or_else(|| Ok(result?), Err),
                     Ok(Err(panic)) => break Err(internal_error(panic.as_ref())),
                     Err(RecvTimeoutError::Timeout) => {

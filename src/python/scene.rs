@@ -214,7 +214,7 @@ impl PyScene {
         })
     }
 
-    /// The scene through a lens.
+    /// The picture of the scene through a lens.
     ///
     /// What does not depend on the focus is prepared once. `in_focus`, and `max_coc_px` where it bounds something, change
     /// the depths: what is prepared then serves the next lens with the same focus and the same bound.
@@ -254,7 +254,7 @@ impl PyScene {
         self.picture(py, &lens.with_range(in_focus)?, &method, threads, out)
     }
 
-    /// The scene through one lens focused at many distances.
+    /// The pictures of the scene through one lens focused at many distances.
     ///
     /// What does not depend on the focus is prepared once.
     ///
@@ -306,7 +306,7 @@ impl PyScene {
         Ok(self.rendered(py, &lenses, Some(lenses.len()), &method, threads, out)?.0)
     }
 
-    /// What a render takes on the GPU, pass by pass.
+    /// The time of each pass of a render on the GPU, in milliseconds.
     ///
     /// Parameters
     /// ----------
@@ -360,6 +360,6 @@ impl PyScene {
 
     fn __repr__(&self) -> String {
         let Size { width, height, channels } = self.output().1;
-        format!("<dofsim.Scene of {height} x {width} pixels, {channels} channels>")
+        format!("<dofsim.Scene of {width} x {height} pixels, {channels} channels>")
     }
 }

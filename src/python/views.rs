@@ -22,7 +22,7 @@ use numpy::{PyArray1, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods}
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
-/// Layers of one picture and of what other views saw behind its surfaces.
+/// Layers and their depth: one picture, and what other views saw behind its surfaces.
 ///
 /// Where a lens sees past a foreground, `render` has to guess what one picture hides. The neighbouring frames of a moving
 /// camera, the other picture of a stereo pair, or a few more renders from points of the lens have seen it.

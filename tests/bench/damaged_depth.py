@@ -48,7 +48,7 @@ def noisy(d: Map) -> Map:
 DAMAGE: dict[str, Callable[[Map], Map]] = {
     "exact": lambda d: d,
     "8 bits": eight_bits,
-    "blurred by 2 px": lambda d: ndi.gaussian_filter(d, 2.0),
+    "Gaussian blur, deviation 2 px": lambda d: ndi.gaussian_filter(d, 2.0),
     "a quarter of the size, enlarged": quarter,
     "averaged 3 x 3": lambda d: ndi.uniform_filter(d, 3),
     "shifted by 1.5 px": lambda d: ndi.shift(d, (0.0, 1.5), order=1, mode="nearest"),

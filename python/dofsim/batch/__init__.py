@@ -34,3 +34,8 @@ __all__ = [
     "read_manifest",
     "with_neighbours",
 ]
+
+
+def __dir__() -> list[str]:
+    """List the public names."""
+    return sorted(__all__)

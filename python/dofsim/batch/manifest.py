@@ -16,8 +16,12 @@ from dofsim._files import StrPath, check_regular
 from dofsim._names import shortened
 from dofsim._save import SUFFIXES
 
-_LENS_WORDS = {*_options.THIN_WORDS, *_options.CAMERA_WORDS, *_options.RELATIVE_WORDS, *_options.FOCUS_WORDS}
-_WORDS = {"color", "depth", "output", "focus_at", *_LENS_WORDS}
+_LENS_WORDS = tuple(
+    dict.fromkeys(
+        (*_options.THIN_WORDS, *_options.CAMERA_WORDS, *_options.RELATIVE_WORDS, *_options.FOCUS_WORDS)
+    )
+)
+_WORDS = ("color", "depth", "output", "focus_at", *_LENS_WORDS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,8 +137,10 @@ def _row(folder: Path, words: Any) -> Row:
         raise TypeError("expected an object")
     given = {name: value for name, value in words.items() if value is not None and value != ""}
     # The csv module collects cells beyond the titles under None.
-    if alien := [str(name) for name in given if name not in _WORDS]:
-        raise ValueError(f"{', '.join(alien)} is not one of {', '.join(sorted(_WORDS))}")
+    if None in words:
+        raise ValueError("the line has more cells than the first line has titles")
+    if alien := [name for name in given if name not in _WORDS]:
+        raise ValueError(f'a frame has no "{", ".join(alien)}"; it has {", ".join(_WORDS)}')
     if "color" not in given:
         raise ValueError("color is missing")
     files = {name: folder / given[name] for name in ("color", "depth") if name in given}
@@ -177,6 +183,6 @@ def _focus_at(value: Any) -> tuple[int, int] | Literal["random"] | None:
     if value == "random":
         return "random"
     if isinstance(value, str):
-        return _options.read_pixel(value)
+        return _options.read_numbers("focus_at", value, int, "a column and a row, X,Y")
     x, y = value
     return int(x), int(y)

@@ -106,10 +106,9 @@ def pair_files(color: StrPath, depth: StrPath | None = None, *, exclude: StrPath
     pairs = dict(sorted(pairs.items()))
     if not pairs:
         raise ValueError(
-            f"none of {len(pictures)} files of {color} has the name of one of {len(depths)} of {depth}"
-            f"{_nearest(pictures, depths)}. A frame's two files have one name, or names that differ in one "
-            f"word; "
-            "list them in a manifest where they have not"
+            f"no file of {color} pairs with one of {depth} ({len(pictures)} and {len(depths)} files)"
+            f"{_nearest(pictures, depths)}. A picture and its depth map have the same name, or names with "
+            "the same number that differ in one word; a manifest lists pairs of any names"
         )
     paired = {path for pair in pairs.values() for path in pair}
     unmatched = [path for path in (*pictures.values(), *depths.values()) if path not in paired]
@@ -145,7 +144,7 @@ def _without_a_word(name: str) -> list[tuple[str, ...]]:
 
 
 def _nearest(pictures: dict[str, Path], depths: dict[str, Path]) -> str:
-    """Show the two names that are nearest to each other."""
+    """Show the two names that are closest to each other."""
     best = max(
         (
             (SequenceMatcher(None, name, other).ratio(), name, other)
@@ -157,7 +156,7 @@ def _nearest(pictures: dict[str, Path], depths: dict[str, Path]) -> str:
     if best is None:
         return ""
     _, name, other = best
-    return f"; the nearest two are {pictures[name]} and {depths[other]}"
+    return f"; the closest names are {pictures[name]} and {depths[other]}"
 
 
 def _named(where: StrPath, exclude: StrPath | None) -> dict[str, Path]:

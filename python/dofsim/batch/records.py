@@ -101,15 +101,18 @@ def summarise(frames: Iterable[Frame], folder: Path) -> dict[str, Any]:
     -------
     dict
         What was written: the number of ``frames``, the quantiles of ``largest_blur_radius_px`` and
-        ``median_blur_radius_px``, the ``depth_range`` of all, and for each kind of ``suspicions`` how many
-        frames have it and what it says of the first. Empty without records.
+        ``median_blur_radius_px``, the ``depth_range`` of all with its ``depth_quantity`` and ``depth_unit``
+        (None where frames differ in these), and for each kind of ``suspicions`` how many frames have it and
+        what it says of the first. Empty without records.
     """
     largest, median, least, greatest = [], [], [], []
+    quantities: set[tuple[str, str]] = set()
     suspicions: dict[str, dict[str, Any]] = {}
     for frame in frames:
         try:
             record = json.loads(read_text(frame.record))
             radius = record["blur_radius_px"]
+            quantities.add((str(record["depth_quantity"]), str(record["depth_unit"])))
             largest.append(float(radius["max"]))
             median.append(float(radius["median"]))
             if record["depth_range"] is not None:
@@ -123,11 +126,15 @@ def summarise(frames: Iterable[Frame], folder: Path) -> dict[str, Any]:
             continue
     if not largest:
         return {}
+    # Metres and disparities have no common range.
+    quantity, unit = quantities.pop() if len(quantities) == 1 else (None, None)
     summary = {
         "frames": len(largest),
         "largest_blur_radius_px": distribution(largest),
         "median_blur_radius_px": distribution(median),
-        "depth_range": [min(least), max(greatest)] if least else None,
+        "depth_range": [min(least), max(greatest)] if least and quantity is not None else None,
+        "depth_quantity": quantity,
+        "depth_unit": unit,
         "suspicions": suspicions,
     }
     text = json.dumps(_plain(summary), indent=1) + "\n"

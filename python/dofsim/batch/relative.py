@@ -17,10 +17,11 @@ _VALUES = 1 << 16
 
 
 def depth_range(frames: Sequence[Frame]) -> tuple[float, float] | None:
-    """Give one scale to frames of relative disparity, which else have one each.
+    """Return one scale of relative disparity for all frames of a sequence.
 
-    With a scale for each frame, a hand that comes near the camera changes the blur of everything that has not
-    moved. At most 64 frames are read, evenly spaced; those that cannot be read have no say.
+    Without it each frame has a scale of its own, and a hand that comes near the camera changes the blur of
+    everything that has not moved. At most 64 frames are read, evenly spaced; those that cannot be read do not
+    count.
 
     Parameters
     ----------

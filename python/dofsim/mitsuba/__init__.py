@@ -17,3 +17,8 @@ from ._comparison import Comparison, compare
 from ._variant import find_llvm, set_variant
 
 __all__ = ["Capture", "Comparison", "compare", "find_llvm", "rgbd", "set_variant"]
+
+
+def __dir__() -> list[str]:
+    """List the public names."""
+    return sorted(__all__)

@@ -24,3 +24,8 @@ __all__ = [
     "with_grain",
     "write",
 ]
+
+
+def __dir__() -> list[str]:
+    """List the public names."""
+    return sorted(__all__)

@@ -20,7 +20,7 @@ _USUAL_FOCAL_MM = 50.0
 
 
 def refined(photo: Photo) -> NDArray[np.float32]:
-    """Give a photograph's depth at its own size, with the edges that the picture has.
+    """Return a photograph's depth at its own size, with the edges of the picture.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def refined(photo: Photo) -> NDArray[np.float32]:
 
 
 def refined_with_coverage(photo: Photo) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Give the same, and how much of each pixel the nearer of two surfaces covers, for `subject`.
+    """Return the refined depth, and how much of each pixel the nearer of two surfaces covers.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def subject(
     coverage: NDArray[np.float32] | None = None,
     depth_range: tuple[float, float] | None = None,
 ) -> NDArray[np.float32]:
-    """Give a matte of what is in focus and of what is before it.
+    """Return a matte of what is in focus or nearer.
 
     Its edges are those of the depth; single hairs, which no depth map has, can be painted into it.
 
@@ -122,7 +122,7 @@ def _extremes(plane: NDArray[np.float32], axis: int, of: Any) -> NDArray[np.floa
 
 
 def lens_for(photo: Photo, *, f_number: float = 1.4, nearest_m: float = 1.0) -> dofsim.Lens:
-    """Give the lens that blurs a photograph as one of this f-number on a full frame would have.
+    """Return the lens that blurs a photograph as one of this f-number on a full-frame camera would.
 
     Relative depth has no metres. What is nearest in the picture is taken to be `nearest_m` away, and what is
     farthest to be infinitely far.
@@ -175,7 +175,7 @@ def render(
     depth_range: tuple[float, float] | None = None,
     **options: Any,
 ) -> NDArray[np.float32]:
-    """Render a photograph through a lens.
+    """Return a photograph seen through a lens, in linear light.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ def render(
 def with_grain(
     pixels: NDArray[np.float32], photo: Photo, radius_px: NDArray[np.float32], *, seed: int = 0
 ) -> NDArray[np.float32]:
-    """Give a blurred photograph its grain back: what is blurred is too smooth beside what is sharp.
+    """Return a blurred photograph with new grain where the blur took the old.
 
     A disc of n pixels averages the noise of n pixels. What that took of the photograph's own noise, whose
     strength is measured for dark and for bright places, is put back as new noise.

@@ -29,10 +29,12 @@ _AVIF_BRANDS = {b"avif", b"avis"}
 # The most pixels to a byte of a file: a plain picture of HEIC takes a hundredth of a bit a pixel.
 _PIXELS_A_BYTE = 1000
 _LEAST_BOUND = 1 << 26
+# What `dofsim.render` is for: light or arrays, not photographs.
+_RENDERS = ("exr", "npy", "npz")
 
 
 def read(path: StrPath, depth: StrPath | None = None, *, depth_far_is_white: bool = False) -> Photo:
-    """Read a photograph, upright, and its depth.
+    """Return a photograph, upright, with its depth.
 
     Parameters
     ----------
@@ -76,7 +78,7 @@ def read(path: StrPath, depth: StrPath | None = None, *, depth_far_is_white: boo
 
 
 def read_depth(path: StrPath, *, far_is_white: bool = False) -> NDArray[np.float32]:
-    """Read a depth map of any kind as relative disparity.
+    """Return a depth map of any kind as relative disparity.
 
     Parameters
     ----------
@@ -112,7 +114,7 @@ def read_depth(path: StrPath, *, far_is_white: bool = False) -> NDArray[np.float
 
 
 def read_matte(path: StrPath) -> NDArray[np.float32]:
-    """Read a matte: a grey picture, white where the subject is.
+    """Return the matte in a grey picture that is white where the subject is.
 
     Parameters
     ----------
@@ -147,6 +149,8 @@ def _readers(path: StrPath) -> Callable[[StrPath], tuple[Photo, int]]:
 
 
 def _read_raster(path: StrPath) -> tuple[Photo, int]:
+    if (kind := _datasets.file_kind(path)) in _RENDERS:
+        raise ValueError(f"{path}: a file of kind {kind} is no photograph; dofsim.render takes its pixels")
     pixels, alpha, beside = _dofsim.read_raster(path, turned=True)
     if pixels.dtype not in (np.uint8, np.uint16):
         raise ValueError(f"{path}: found {pixels.dtype} of shape {pixels.shape}; a photograph has integers")

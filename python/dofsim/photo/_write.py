@@ -33,7 +33,7 @@ def check_writing(path: StrPath, quality: int) -> None:
 
 
 def write(path: StrPath, pixels: NDArray[Any], photo: Photo, *, quality: int = 95) -> None:
-    """Write pixels as the photograph has them: with its profile, its Exif and, where there is room, its bits.
+    """Write pixels as a photograph: with its colour profile, its Exif and, where the format can, its bits.
 
     Parameters
     ----------

@@ -257,7 +257,7 @@ class FocusPicker(anywidget.AnyWidget):  # type: ignore[misc, unused-ignore]
         if lens.focus_distance is None:
             name, size = _opening(lens)
             unit = "px" if name == "strength_px" else "% of the width"
-            return f"{in_focus(lens)} in focus, blur {size:.3g} {unit}"
+            return f"{in_focus(lens)} in focus, blur radius {size:.3g} {unit}"
         opening = f"{2e3 * lens.aperture_radius:.3g} mm wide"
         if lens.f_number is not None:
             opening = f"f/{lens.f_number:.2g}"

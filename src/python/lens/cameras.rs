@@ -59,7 +59,7 @@ struct BlenderCamera {
 
 #[pymethods]
 impl PyLens {
-    /// A photographic lens.
+    /// A lens of this focal length, f-number and focus distance.
     ///
     /// Parameters
     /// ----------
@@ -301,7 +301,7 @@ impl PyLens {
         Ok(self.core.coc_diameter_mm(z)?)
     }
 
-    /// The nearest focus at which what is infinitely far is still sharp: ``f**2 / (N c) + f``.
+    /// The nearest focus, in metres, at which infinity is still sharp: ``f**2 / (N c) + f``.
     ///
     /// Parameters
     /// ----------
@@ -332,7 +332,7 @@ impl PyLens {
         Ok(self.core.hyperfocal_distance(coc_limit_mm)?)
     }
 
-    /// Nearest and farthest depth that are sharp on the optical axis.
+    /// The nearest and the farthest depth that are sharp on the optical axis, in metres.
     ///
     /// Parameters
     /// ----------

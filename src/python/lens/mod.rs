@@ -152,7 +152,7 @@ impl PyLens {
         Ok(PyLens { core: lens.mounted(mount)?.with_aberrations(aberrations)? })
     }
 
-    /// A lens over relative disparity, as a monocular depth network gives it, with no metric claim.
+    /// A lens for relative disparity, such as a monocular depth network gives: it has no metres.
     ///
     /// Parameters
     /// ----------
@@ -264,7 +264,7 @@ impl PyLens {
         }
     }
 
-    /// Pixels per unit of disparity; None for other lenses.
+    /// Blur radius in pixels per unit of disparity; None for other lenses.
     #[getter]
     fn strength_px(&self) -> Option<f64> {
         match self.core.base {
@@ -273,7 +273,7 @@ impl PyLens {
         }
     }
 
-    /// Per cent of the picture's width per unit of disparity; None for other lenses.
+    /// Blur radius in per cent of the picture's width per unit of disparity; None for other lenses.
     #[getter]
     fn strength_percent(&self) -> Option<f64> {
         match self.core.base {
@@ -309,7 +309,7 @@ impl PyLens {
         self.core.aberrations.field_curvature
     }
 
-    /// What is added to the disparity in focus for red, green and blue.
+    /// What is added to the disparity in focus for red, green and blue, in 1/m.
     #[getter]
     fn axial_color(&self) -> Triple {
         self.core.aberrations.axial_color.into()
