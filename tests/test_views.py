@@ -47,10 +47,6 @@ def error_db(picture, truth=TRUTH):
     return metrics.psnr(picture[..., :3], truth, border=8)
 
 
-def one_layer(color, depth):
-    return error_db(dofsim.render(color, depth, LENS))
-
-
 def test_what_others_saw_is_what_is_there():
     layers, depths = layered(lens=LENS)
     np.testing.assert_array_equal(layers[0, ..., :3], COLORS[0].astype(np.float32))
@@ -66,7 +62,7 @@ def test_what_others_saw_is_what_is_there():
 
 
 def test_it_is_worth_many_decibels():
-    single = one_layer(COLORS[0], DEPTHS[0])
+    single = error_db(dofsim.render(COLORS[0], DEPTHS[0], LENS))
     eight = error_db(dofsim.render(*layered(lens=LENS), LENS))
     two = error_db(dofsim.render(*layered(COLORS[[0, 4, 8]], DEPTHS[[0, 4, 8]], AROUND[[0, 4, 8]]), LENS))
     assert eight > single + 3.0, (single, two, eight)
@@ -141,6 +137,75 @@ def test_several_surfaces_lie_one_behind_another():
     assert len(layered(*seen(scene, poses), poses, layers=2)[0]) == 2
 
 
+LAMP_Z, LAMP_COLOR = 1.5, np.array([40.0, 30.0, 20.0])
+FARTHER = np.concatenate([pose()[None], rim(8, 0.2)])
+
+
+def with_lamp(side_px, beside_px=0.0, color=LAMP_COLOR):
+    """Put a square lamp of so many pixels behind the near card, so far beside the centre of a pixel."""
+    x, y = ((at + beside_px - centre) * LAMP_Z / FOCAL_PX for at, centre in ((38.0, 47.5), (39.0, 35.5)))
+    half = 0.5 * side_px * LAMP_Z / FOCAL_PX
+    return Cards([WALL, NEAR, Card((x, y, LAMP_Z), (half, half), flat(*color))])
+
+
+def lamp_in(layers, depths):
+    """Give light and coverage of the cells of a lamp, each as a picture."""
+    there = np.abs(depths[1:] / LAMP_Z - 1.0) < 0.1
+    found = np.where(there[..., None], layers[1:], 0.0).sum(axis=0)
+    return found[..., :3], found[..., 3]
+
+
+@pytest.mark.parametrize("beside_px", [0.0, 0.25, 0.5])
+@pytest.mark.parametrize("side_px", [1.25, 2.0, 3.5, 7.0])
+def test_a_lamp_arrives_with_the_light_that_it_has(side_px, beside_px):
+    """Small ones consist of pixels of edges alone; large ones have no second rim."""
+    layers, depths = layered(*seen(with_lamp(side_px, beside_px), FARTHER), FARTHER)
+    light, coverage = lamp_in(layers, depths)
+    np.testing.assert_allclose(light.sum(axis=(0, 1)), side_px**2 * LAMP_COLOR, rtol=0.05)
+    assert (light <= 1.01 * LAMP_COLOR).all()
+    assert coverage.max() <= 1.0
+    y, x = np.mgrid[:72, :96]
+    centre = [(light[..., 0] * at).sum() / light[..., 0].sum() for at in (x, y)]
+    np.testing.assert_allclose(centre, [38.0 + beside_px, 39.0 + beside_px], atol=0.15)
+    # One pixel of the view and one of the reference: no light is farther away.
+    far = np.maximum(np.abs(x - 38.0 - beside_px), np.abs(y - 39.0 - beside_px)) > 0.5 * side_px + 1.5
+    assert light[far].sum() < 1e-3 * light.sum()
+
+
+def test_a_hidden_lamp_is_worth_many_decibels():
+    scene = with_lamp(2.0)
+    colors, depths = seen(scene)
+    truth = scene.thin_lens(RADIUS, FOCUS)
+    single = error_db(dofsim.render(colors[0], depths[0], LENS), truth)
+    eight = error_db(dofsim.render(*layered(colors, depths, lens=LENS), LENS), truth)
+    assert eight > single + 3.0, (single, eight)
+
+
+def test_the_order_of_those_who_see_a_lamp_does_not_matter():
+    colors, depths = seen(with_lamp(2.0, 0.3), FARTHER)
+    expected = layered(colors, depths, FARTHER)
+    order = np.concatenate([[0], 1 + np.random.default_rng(3).permutation(8)])
+    for a, b in zip(layered(colors[order], depths[order], FARTHER[order]), expected, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_what_outshines_others_a_little_becomes_a_lamp_little_by_little():
+    """Up to five times a usual pixel, a small thing is left out; from twice that on it is whole."""
+    dark, depths = seen(with_lamp(2.0, 0.3, np.zeros(3)), FARTHER)
+    lit, _ = seen(with_lamp(2.0, 0.3, np.ones(3)), FARTHER)
+    usual = np.median(np.linalg.norm(dark[0], axis=-1))
+
+    def light(times):
+        color = times * usual / 3**0.5
+        found = layered(dark + color * (lit - dark), depths, FARTHER)
+        return lamp_in(*found)[0].sum() / (3 * color)
+
+    found = [light(times) for times in np.arange(4.0, 14.0, 0.25)]
+    assert found[0] == 0.0
+    assert found[-1] > 3.5
+    assert np.abs(np.diff(found)).max() < 0.1 * max(found)
+
+
 def test_what_the_lens_cannot_see_is_left_out():
     poses = np.stack([pose(), pose(0.4), pose(-0.4)])
     colors, depths = seen(SCENE, poses)
@@ -149,12 +214,14 @@ def test_what_the_lens_cannot_see_is_left_out():
     assert 0 < (seen_by_lens[1:, ..., 3] > 0).sum() < 0.5 * (everything[1:, ..., 3] > 0).sum()
 
 
-def damaged(kind):
+def damaged(kind, scene=SCENE):
     """Give views of a scene that is not the reference's, or that lie."""
-    colors, depths, poses = COLORS.copy(), DEPTHS.copy(), AROUND.copy()
+    poses = AROUND.copy()
+    colors, depths = seen(scene)
     if kind == "moved":
         x, y, z = NEAR.centre
-        moved = Cards([WALL, Card((x + 0.03, y, 1.1 * z), NEAR.half, NEAR.color), MIDDLE])
+        moved = Card((x + 0.03, y, 1.1 * z), NEAR.half, NEAR.color)
+        moved = Cards([moved if card is NEAR else card for card in scene.cards])
         colors[1:], depths[1:] = seen(moved, AROUND[1:])
     elif kind == "pose":
         for i in range(1, len(poses)):
@@ -173,10 +240,20 @@ def _about_x(degrees):
     return np.array([[1, 0, 0], [0, cos, -sin], [0, sin, cos]])
 
 
+@pytest.fixture(scope="module", params=["cards", "lamp"])
+def scene_and_truth(request):
+    if request.param == "cards":
+        return SCENE, TRUTH
+    scene = Cards([*SCENE.cards, with_lamp(2.0).cards[-1]])
+    return scene, scene.thin_lens(RADIUS, FOCUS)
+
+
 @pytest.mark.parametrize("kind", ["moved", "pose", "one pose", "1.02", "1.5", "0.7"])
-def test_what_does_not_fit_is_never_worse_than_one_layer(kind):
-    single = one_layer(COLORS[0], DEPTHS[0])
-    found = error_db(dofsim.render(*layered(*damaged(kind), lens=LENS), LENS))
+def test_what_does_not_fit_is_never_worse_than_one_layer(kind, scene_and_truth):
+    scene, truth = scene_and_truth
+    colors, depths, poses = damaged(kind, scene)
+    single = error_db(dofsim.render(colors[0], depths[0], LENS), truth)
+    found = error_db(dofsim.render(*layered(colors, depths, poses, lens=LENS), LENS), truth)
     assert found > single - 0.2, (kind, single, found)
 
 

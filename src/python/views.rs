@@ -69,10 +69,11 @@ use pyo3::prelude::*;
 ///
 /// Notes
 /// -----
-/// Surfaces are resampled onto the pixels of the reference. Pixels on silhouettes mix two colours and are left out. Where
-/// several views see a surface they are averaged, by how finely each sees it, and by how far they agree. What contradicts
-/// the reference or most other views is not used: things that have moved, poses or depths that do not fit. What nobody
-/// has seen, `render` fills as ever. The order of the other views does not matter.
+/// Surfaces are resampled onto the pixels of the reference. Pixels on silhouettes mix two colours and are left out. Small
+/// lamps consist of such pixels only, so what outshines its surroundings is separated from them, and its alpha is the part
+/// of the pixel that it covers. Where several views see a surface they are averaged, by how finely each sees it, and by how
+/// far they agree. What contradicts the reference or most other views is not used: things that have moved, poses or depths
+/// that do not fit. What nobody has seen, `render` fills as ever. The order of the other views does not matter.
 ///
 /// Without `flow`, what moves contradicts the reference, and is not used. With it, a point is carried to where it is when the
 /// reference is taken, at the distance that it had: what comes nearer meanwhile is still not used. A camera that stands still
@@ -400,15 +401,15 @@ fn arrays(
 ) -> Result<(Vec<f32>, Vec<f32>)> {
     let n = size.pixels();
     // One channel is grey; a fourth one is coverage.
-    let rgba = |color: [f32; 4]| match size.channels {
-        1 => [color[0], color[0], color[0], 1.0],
+    let rgba = |color: [f32; 4], coverage: f32| match size.channels {
+        1 => [color[0], color[0], color[0], coverage],
         4 => color,
-        _ => [color[0], color[1], color[2], 1.0],
+        _ => [color[0], color[1], color[2], coverage],
     };
     let layers = hidden.len() + 1;
     let (mut color, mut depth) = (vec![0.0; 4 * n * layers], vec![f32::INFINITY; n * layers]);
     for i in 0..n {
-        color[4 * i..][..4].copy_from_slice(&rgba(reference.color_at(i)));
+        color[4 * i..][..4].copy_from_slice(&rgba(reference.color_at(i), 1.0));
         let d = reference.disparity[i];
         // Depth that is given as it is returned keeps its bits.
         depth[i] = if kind == DepthKind::Z && d > 0.0 { given[i] } else { d.recip() };
@@ -417,7 +418,7 @@ fn arrays(
         cancel.check()?;
         for cell in cells {
             let at = layer * n + cell.index;
-            color[4 * at..][..4].copy_from_slice(&rgba(cell.color));
+            color[4 * at..][..4].copy_from_slice(&rgba(cell.color, cell.coverage));
             depth[at] = cell.disparity.recip();
         }
     }

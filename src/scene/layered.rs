@@ -13,7 +13,7 @@ use super::depth_spans::{self, DepthSpans};
 use super::edges::{self, CONNECTED_PX, EDGE};
 use super::front_layer::FrontLayer;
 use super::half_plane::HalfPlane;
-use super::highlights::{self, Bright, HIGHLIGHT_RATIO};
+use super::highlights::{self, Bright};
 use super::inpaint::{self, Hidden, SAME_SURFACE_PX};
 use super::layer::SceneLayer;
 use super::matting::{MixedPixel, Separated, unmix};
@@ -216,8 +216,7 @@ fn take_lamps_apart(
     others: &mut [SceneLayer],
     cancel: &Cancel,
 ) -> Result<Vec<Hidden>> {
-    let lamps = Separated::Outshining { times: HIGHLIGHT_RATIO, light: frame.median_light() };
-    let mixed = unmix(&FrontLayer { behind: others, ..*frame }, lamps, cancel)?;
+    let mixed = unmix(&FrontLayer { behind: others, ..*frame }, Separated::lamps(frame), cancel)?;
     let mut s = Buffer::clone(&front.s);
     front.partial = Arc::new(half_planes(frame, &mixed));
     let (colors, both) = split(&mixed, &mut s);

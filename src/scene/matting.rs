@@ -6,10 +6,13 @@
 
 use super::edges::{self, CONNECTED_PX, EDGE};
 use super::front_layer::{FrontLayer, Surface, sub};
+use super::grid::BLOCK;
+use super::highlights::HIGHLIGHT_RATIO;
 use super::layer::SceneLayer;
 use super::recipe::{PureSource, Recipe, toward};
 use crate::cancel::Cancel;
 use crate::error::Result;
+use crate::picture::Size;
 use crate::rows::ITEMS_PER_TASK;
 use rayon::prelude::*;
 
@@ -130,12 +133,34 @@ pub enum Separated {
 }
 
 impl Separated {
+    /// Those with a lamp: an error in where a surface ends is made up for by the next pixel, but not one in a lamp's light.
+    pub fn lamps(frame: &FrontLayer) -> Separated {
+        Separated::Outshining { times: HIGHLIGHT_RATIO, light: frame.median_light() }
+    }
+
     /// How much a pixel of these two colours is separated: from none at the limit on, and all from twice the limit on.
     fn strength(self, frame: &FrontLayer, a: [f32; 4], b: [f32; 4]) -> f32 {
         let Separated::Outshining { times, light } = self else { return 1.0 };
         let (a, b) = (frame.norm2(a).sqrt(), frame.norm2(b).sqrt());
         let limit = times * a.min(b).max(light);
         (a.max(b) / limit.max(f32::MIN_POSITIVE) - 1.0).clamp(0.0, 1.0)
+    }
+
+    /// For every block whether something in it is bright enough to be separated; `None` if that is no condition.
+    fn bright_blocks(self, frame: &FrontLayer) -> Option<Vec<bool>> {
+        let Separated::Outshining { times, light } = self else { return None };
+        let Size { width, height, .. } = frame.size;
+        let is_bright = |color: [f32; 4]| frame.norm2(color).sqrt() > times * light;
+        let any_bright = |i: usize| {
+            is_bright(frame.color_at(i)) || frame.behind.iter().any(|layer| is_bright(layer.colors.at(i)))
+        };
+        let across = width.div_ceil(BLOCK);
+        let of_block = |b: usize| {
+            let (x, y) = (b % across * BLOCK, b / across * BLOCK);
+            let mut rows = y..(y + BLOCK).min(height);
+            rows.any(|y| (x..(x + BLOCK).min(width)).any(|x| any_bright(y * width + x)))
+        };
+        Some((0..across * height.div_ceil(BLOCK)).into_par_iter().map(of_block).collect())
     }
 }
 
@@ -383,17 +408,28 @@ impl Pixel<'_> {
 
 /// The edge pixels that are to be separated and could be, in scan order.
 pub fn unmix(frame: &FrontLayer, separated: Separated, cancel: &Cancel) -> Result<Vec<MixedPixel>> {
+    let Size { width, height, .. } = frame.size;
+    let bright = separated.bright_blocks(frame);
+    // Pure colours are means of what is no farther than the longest ring.
+    let blocks_around = |v: usize, n: usize| {
+        let ring = MAX_RING as usize;
+        v.saturating_sub(ring) / BLOCK..=(v + ring).min(n - 1) / BLOCK
+    };
+    let may_be_bright = |x: usize, y: usize| {
+        bright.as_ref().is_none_or(|bright| {
+            let in_row =
+                |by: usize| blocks_around(x, width).any(|bx| bright[by * width.div_ceil(BLOCK) + bx]);
+            blocks_around(y, height).any(in_row)
+        })
+    };
     let row = |y: usize| {
         cancel.check()?;
-        let edges =
-            (0..frame.size.width).filter(|x| frame.connectivity[y * frame.size.width + x] & EDGE != 0);
+        let edges = (0..width).filter(|x| frame.connectivity[y * width + x] & EDGE != 0);
+        let edges = edges.filter(|x| may_be_bright(*x, y));
         Ok(edges.filter_map(|x| unmix_pixel(frame, separated, x, y)).collect::<Vec<_>>())
     };
-    let rows = (0..frame.size.height)
-        .into_par_iter()
-        .with_max_len(ITEMS_PER_TASK)
-        .map(row)
-        .collect::<Result<Vec<_>>>()?;
+    let rows =
+        (0..height).into_par_iter().with_max_len(ITEMS_PER_TASK).map(row).collect::<Result<Vec<_>>>()?;
     Ok(rows.concat())
 }
 
@@ -401,7 +437,6 @@ pub fn unmix(frame: &FrontLayer, separated: Separated, cancel: &Cancel) -> Resul
 mod tests {
     use super::super::colors::Colors;
     use super::*;
-    use crate::picture::Size;
     use std::sync::Arc;
 
     /// The pixels of a frame of 12 x 7 pixels, the first channel of which is light; of one column, all have one shift.

@@ -12,15 +12,15 @@ pub(crate) mod depth_codes;
 mod depth_noise;
 pub(crate) mod depth_spans;
 pub(crate) mod edges;
-mod front_layer;
+pub(crate) mod front_layer;
 pub(crate) mod grid;
 pub(crate) mod half_plane;
 pub(crate) mod highlights;
 mod inpaint;
 pub(crate) mod layer;
 pub(crate) mod layered;
-mod matting;
-mod recipe;
+pub(crate) mod matting;
+pub(crate) mod recipe;
 
 use crate::cancel::Cancel;
 use crate::carried::Carried;

@@ -27,9 +27,15 @@ impl DepthMap<'_> {
 
     /// The indices of the 3 x 3 pixels around one, those in the frame.
     pub fn around(&self, index: usize) -> impl Iterator<Item = usize> + use<> {
+        self.within(index, 1)
+    }
+
+    /// The indices of the pixels that are no more than so many columns and rows away from one, those in the frame.
+    pub fn within(&self, index: usize, reach: usize) -> impl Iterator<Item = usize> + use<> {
         let (x, y, width, height) = (index % self.width, index / self.width, self.width, self.height);
-        let rows = y.saturating_sub(1)..(y + 2).min(height);
-        rows.flat_map(move |y| (x.saturating_sub(1)..(x + 2).min(width)).map(move |x| y * width + x))
+        let rows = y.saturating_sub(reach)..(y + reach + 1).min(height);
+        let columns = x.saturating_sub(reach)..(x + reach + 1).min(width);
+        rows.flat_map(move |y| columns.clone().map(move |x| y * width + x))
     }
 
     /// How much the surface at a pixel rises to its steepest neighbour, in pixels of parallax where there are `k` of

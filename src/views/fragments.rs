@@ -3,8 +3,9 @@
 //! Neighbouring pixels of a view that are on one surface are the corners of a piece of it. Pieces are drawn on the grid of the
 //! reference, so that a surface has neither holes nor doubled rims however it is stretched or squeezed.
 
-use super::depth_map::{DepthMap, another};
+use super::depth_map::{DepthMap, SAME_PX, another};
 use super::evidence::Evidence;
+use super::lamps::{self, LampPixel, LampQuad};
 use super::source::{Source, Strip};
 use crate::scene::edges::{DOWN, EDGE, RIGHT};
 use std::ops::Range;
@@ -20,6 +21,9 @@ pub struct Fragment {
     pub moved: bool,
     /// How well the view sees it: pixels of the view to one of the reference, at most 1, times how far it is trusted.
     pub weight: f32,
+    /// How much of the pixel it covers.
+    pub coverage: f32,
+    /// Times its coverage.
     pub color: [f32; 4],
 }
 
@@ -32,7 +36,45 @@ struct Corner {
     trust: f32,
     hidden: bool,
     moved: bool,
+    /// How much of it its surface leaves bare.
+    bare: f32,
+    /// Times its coverage.
     color: [f32; 4],
+}
+
+impl Corner {
+    /// A pixel that shows one surface.
+    #[inline(always)]
+    fn whole(source: &Source, index: usize) -> Option<Corner> {
+        if source.connectivity[index] & EDGE != 0 || source.evidence[index] == Evidence::Contradicts {
+            return None;
+        }
+        let hidden = source.evidence[index] == Evidence::Hidden;
+        Corner::new(source, index, index, 0.0, source.view.color_at(index), hidden)
+    }
+
+    /// The surface at pixel `sample` as it is at another pixel.
+    #[inline(always)]
+    fn new(
+        source: &Source,
+        sample: usize,
+        index: usize,
+        bare: f32,
+        color: [f32; 4],
+        hidden: bool,
+    ) -> Option<Corner> {
+        let seen = source.to_reference.continued(sample, index)?;
+        Some(Corner {
+            x: seen.x as f32,
+            y: seen.y as f32,
+            disparity: seen.disparity as f32,
+            trust: source.trust(index % source.depth.width, index / source.depth.width),
+            hidden,
+            moved: source.to_reference.has_moved(sample),
+            bare,
+            color,
+        })
+    }
 }
 
 /// The rows of the reference that are drawn, and what limits what is drawn.
@@ -51,6 +93,9 @@ pub fn draw(source: &Source, canvas: &Canvas, out: &mut Vec<Fragment>) {
         corners(source, strip, &mut rows);
         draw_strip(source, strip, &rows, canvas, out);
     }
+    for quad in source.lamps.quads.iter().filter(|quad| quad.y[0] <= last && quad.y[1] >= first) {
+        draw_quad_of_lamp(source, quad, canvas, out);
+    }
 }
 
 /// The corners of a strip: two rows.
@@ -59,22 +104,7 @@ fn corners(source: &Source, strip: &Strip, rows: &mut [Vec<Option<Corner>>; 2]) 
     for (row, out) in rows.iter_mut().enumerate() {
         let y = strip.row + row;
         out.clear();
-        out.extend(strip.columns.clone().map(|x| {
-            let index = y * width + x;
-            if source.connectivity[index] & EDGE != 0 || source.evidence[index] == Evidence::Contradicts {
-                return None;
-            }
-            let seen = source.to_reference.at(index)?;
-            Some(Corner {
-                x: seen.x as f32,
-                y: seen.y as f32,
-                disparity: seen.disparity as f32,
-                trust: source.trust(x, y),
-                hidden: source.evidence[index] == Evidence::Hidden,
-                moved: source.to_reference.has_moved(index),
-                color: source.view.color_at(index),
-            })
-        }));
+        out.extend(strip.columns.clone().map(|x| Corner::whole(source, y * width + x)));
     }
 }
 
@@ -109,6 +139,50 @@ fn draw_strip(
         } else {
             piece(1, 3, 0, top && right);
             piece(2, 0, 3, left && bottom);
+        }
+    }
+}
+
+/// Draws what a lamp covers between four pixels, but for pieces that show nothing else: those are drawn already.
+fn draw_quad_of_lamp(source: &Source, quad: &LampQuad, canvas: &Canvas, out: &mut Vec<Fragment>) {
+    let DepthMap { width, disparity, .. } = source.depth;
+    let [least, most] = quad.disparities;
+    let behind = |index: usize| source.k * (least - disparity[index]);
+    let in_front = |index: usize| source.k * (disparity[index] - most);
+    let is_lamp = |pixel: &&LampPixel| (least..=most).contains(&disparity[pixel.sample]);
+    let places = lamps::corners(quad.index, width);
+    let mixed = places.map(|at| source.lamps.at(at).filter(is_lamp));
+    let is_whole =
+        |i: usize| mixed[i].is_none() && behind(places[i]) <= SAME_PX && in_front(places[i]) <= SAME_PX;
+    let corner = |i: usize| {
+        let at = places[i];
+        if let Some(lamp) = mixed[i] {
+            let color = lamp.color.map(|c| lamp.coverage * c);
+            let corner = Corner::new(source, lamp.sample, at, 1.0 - lamp.coverage, color, true)?;
+            let is_seen = lamp.evidence != Evidence::Contradicts;
+            return is_seen.then_some(Corner { trust: lamp.visible * corner.trust, ..corner });
+        }
+        if is_whole(i) {
+            return Corner::whole(source, at);
+        }
+        if in_front(at) > 0.0 {
+            return None;
+        }
+        // It sees past the lamp, which is continued from beside it.
+        let lamp = [1, 2, 3].into_iter().find_map(|other| mixed[i ^ other])?;
+        Corner::new(source, lamp.sample, at, 1.0, [0.0; 4], true)
+    };
+    let corners = [0, 1, 2, 3].map(corner);
+    let whole = [0, 1, 2, 3].map(|i| is_whole(i) && corners[i].is_some());
+    // The diagonal along which the other pieces of these four pixels are drawn.
+    let pieces = if whole[0] && whole[3] && !(whole[1] && whole[2]) {
+        [[1, 3, 0], [2, 0, 3]]
+    } else {
+        [[0, 1, 2], [3, 2, 1]]
+    };
+    for piece in pieces.into_iter().filter(|piece| !piece.iter().all(|i| whole[*i])) {
+        if let [Some(a), Some(b), Some(c)] = piece.map(|i| corners[i]) {
+            draw_piece(source, [a, b, c], canvas, out);
         }
     }
 }
@@ -155,6 +229,7 @@ fn draw_piece(source: &Source, [a, b, c]: [Corner; 3], canvas: &Canvas, out: &mu
                     tolerance: 1.0 / source.k,
                     moved: a.moved || b.moved || c.moved,
                     weight,
+                    coverage: 1.0 - mean(|corner| corner.bare),
                     color: std::array::from_fn(|i| wa * a.color[i] + wb * b.color[i] + wc * c.color[i]),
                 });
             }

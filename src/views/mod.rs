@@ -1,14 +1,15 @@
 //! Layers behind a picture, of what other views of the scene saw: neighbouring frames, a stereo pair, a light field.
 //!
 //! In the order of the work: [`camera`] maps pixels of one view to another, and [`motion`] carries along what moves.
-//! [`source`] finds the pixels of a view that see what the reference does not, and [`trust`] says how far they are to be
-//! trusted. [`fragments`] resamples them onto the reference's pixels, and [`merge`] makes surfaces of them.
+//! [`source`] finds the pixels of a view that see what the reference does not, [`lamps`] those that do so in part, and
+//! [`trust`] says how far they are to be trusted. [`fragments`] resamples them onto the reference's pixels, and [`merge`] makes surfaces of them.
 
 pub mod axes;
 pub mod camera;
 mod depth_map;
 mod evidence;
 mod fragments;
+mod lamps;
 mod merge;
 mod motion;
 mod source;
@@ -55,7 +56,13 @@ pub fn hidden(views: &Views, settings: &Settings, cancel: &Cancel) -> Result<Vec
         // From one place all is seen alike, but for what moves.
         if i != views.reference && (parallax > 0.0 || (view.flow.is_some() && k > 0.0)) {
             let map = DepthMap { width, height, disparity: &view.disparity };
-            sources.push(Source::new(view, reference, (map, seen), (k as f32, views.lights), cancel)?);
+            sources.push(Source::new(
+                view,
+                reference,
+                (map, seen),
+                (k as f32, views.size, views.lights),
+                cancel,
+            )?);
         }
     }
     let in_reach = InReach::new(&seen, settings.lens_k);
@@ -69,7 +76,7 @@ pub fn hidden(views: &Views, settings: &Settings, cancel: &Cancel) -> Result<Vec
         merge::sort(&mut fragments);
         let mut layers = vec![Vec::new(); settings.surfaces];
         let cells = merge::surfaces(&fragments).filter_map(|surface| {
-            let cell = merge::merged(surface, views.lights);
+            let cell = merge::merged(surface, views.lights)?;
             // What moves was elsewhere when the others looked.
             let moved = surface.iter().any(|fragment| fragment.moved);
             (moved || merge::is_there(&cell, &seen, &sources)).then_some(cell)

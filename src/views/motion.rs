@@ -49,11 +49,17 @@ impl ToReference<'_> {
     /// distance: a picture's motion says nothing of it.
     #[inline(always)]
     pub fn at(&self, index: usize) -> Option<Seen> {
+        self.continued(index, index)
+    }
+
+    /// Where the reference sees the surface at pixel `sample`, continued at its distance to another pixel.
+    #[inline(always)]
+    pub fn continued(&self, sample: usize, index: usize) -> Option<Seen> {
         let (x, y) = self.depth.place(index);
-        let seen = self.warp.at(x, y, f64::from(self.depth.disparity[index]))?;
+        let seen = self.warp.at(x, y, f64::from(self.depth.disparity[sample]))?;
         Some(self.motion.as_ref().map_or(seen, |[across, along]| Seen {
-            x: seen.x + f64::from(across[index]),
-            y: seen.y + f64::from(along[index]),
+            x: seen.x + f64::from(across[sample]),
+            y: seen.y + f64::from(along[sample]),
             ..seen
         }))
     }

@@ -3,11 +3,13 @@
 use super::camera::Warp;
 use super::depth_map::{DepthMap, SAME_PX};
 use super::evidence::Evidence;
+use super::lamps::Lamps;
 use super::motion::ToReference;
 use super::trust::{Fit, Trust};
 use super::view::View;
 use crate::cancel::Cancel;
 use crate::error::Result;
+use crate::picture::Size;
 use crate::scene::edges::EDGE;
 use crate::scene::grid::BLOCK;
 use rayon::prelude::*;
@@ -36,6 +38,7 @@ pub struct Source<'a> {
     pub connectivity: Vec<u8>,
     pub evidence: Vec<Evidence>,
     pub strips: Vec<Strip>,
+    pub lamps: Lamps,
     trust: Trust,
 }
 
@@ -44,7 +47,7 @@ impl<'a> Source<'a> {
         view: &'a View,
         reference: &View,
         (map, seen): (DepthMap<'a>, DepthMap<'a>),
-        (k, lights): (f32, usize),
+        (k, size, lights): (f32, Size, usize),
         cancel: &Cancel,
     ) -> Result<Source<'a>> {
         let warp = Warp::between(&view.camera, &reference.camera);
@@ -52,7 +55,11 @@ impl<'a> Source<'a> {
         let from_reference = Warp::between(&reference.camera, &view.camera);
         let connectivity = to_reference.connectivity(k);
         let nearest = nearest_of_reference((&map, &seen), &from_reference, (&to_reference, k), cancel)?;
-        let (evidence, votes) = evidence((&map, &seen), &nearest, &connectivity, (&to_reference, k), cancel)?;
+        let witness = Witness { map, seen, nearest: &nearest, to_reference: &to_reference, k };
+        let (evidence, votes) = evidence(&witness, &connectivity, cancel)?;
+        let of_lamp = |index: usize, sample: usize| witness.evidence(sample, index);
+        let lamps =
+            Lamps::new((view, size, lights), (&map, &connectivity), (&to_reference, k), of_lamp, cancel)?;
         let fit = Fit { map, to_reference: &to_reference, colors: (view, reference), lights };
         let trust = Trust::new(&votes, &fit.of_blocks(&evidence, cancel)?, map.width.div_ceil(BLOCK));
         let strips = strips(&map, &evidence, &to_reference);
@@ -65,6 +72,7 @@ impl<'a> Source<'a> {
             connectivity,
             evidence,
             strips,
+            lamps,
             trust,
         })
     }
@@ -121,42 +129,56 @@ fn nearest_of_reference(
     Ok(nearest.into_iter().map(|bits| f32::from_bits(bits.into_inner())).collect())
 }
 
-/// The evidence of every pixel, and how many pixels of each block agree and contradict.
-fn evidence(
-    (map, seen): (&DepthMap, &DepthMap),
-    nearest: &[f32],
-    connectivity: &[u8],
-    (to_reference, k): (&ToReference, f32),
-    cancel: &Cancel,
-) -> Result<(Vec<Evidence>, Vec<[u32; 2]>)> {
-    let of_pixel = |index: usize| {
-        let d = map.disparity[index];
-        if connectivity[index] & EDGE != 0 {
-            return Evidence::None;
-        }
-        let Some((found, at)) = to_reference.at(index).and_then(|s| Some((s, seen.pixel_at(s.x, s.y)?)))
-        else {
+/// What the reference tells of the points that a view sees.
+struct Witness<'a> {
+    map: DepthMap<'a>,
+    seen: DepthMap<'a>,
+    /// See [`nearest_of_reference`].
+    nearest: &'a [f32],
+    to_reference: &'a ToReference<'a>,
+    k: f32,
+}
+
+impl Witness<'_> {
+    /// The evidence of the surface at pixel `sample`, continued to another pixel.
+    fn evidence(&self, sample: usize, index: usize) -> Evidence {
+        let Witness { map, seen, nearest, k, .. } = self;
+        let d = map.disparity[sample];
+        let found = self.to_reference.continued(sample, index);
+        let Some((found, at)) = found.and_then(|s| Some((s, seen.pixel_at(s.x, s.y)?))) else {
             return Evidence::None;
         };
         let d_seen = found.disparity as f32;
-        let behind = seen.behind_px(at, d_seen, k);
+        let behind = seen.behind_px(at, d_seen, *k);
         if behind.abs() <= SAME_PX {
             return Evidence::Agrees;
         }
         if behind < 0.0 {
             // Beside a silhouette of the reference, the next pixel may be on the surface that this one is on.
-            let through = seen.around(at).all(|i| seen.behind_px(i, d_seen, k) < -SAME_PX);
+            let through = seen.around(at).all(|i| seen.behind_px(i, d_seen, *k) < -SAME_PX);
             return if through { Evidence::Contradicts } else { Evidence::None };
         }
         // What the reference sees hides the point from it, and must not hide it from here.
         let known = || map.around(index).filter(|i| nearest[*i] > 0.0);
-        let slope = map.slope_px(index, k);
+        let slope = map.slope_px(sample, *k);
         let in_front = |i: usize| k * (nearest[i] - d) > SAME_PX + slope;
         if known().next().is_some() && known().all(in_front) {
             Evidence::Contradicts
         } else {
             Evidence::Hidden
         }
+    }
+}
+
+/// The evidence of every pixel, and how many pixels of each block agree and contradict.
+fn evidence(
+    witness: &Witness,
+    connectivity: &[u8],
+    cancel: &Cancel,
+) -> Result<(Vec<Evidence>, Vec<[u32; 2]>)> {
+    let map = &witness.map;
+    let of_pixel = |index: usize| {
+        if connectivity[index] & EDGE != 0 { Evidence::None } else { witness.evidence(index, index) }
     };
     let across = map.width.div_ceil(BLOCK);
     let mut evidence = vec![Evidence::None; map.disparity.len()];
