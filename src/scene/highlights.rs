@@ -191,10 +191,7 @@ pub fn find(size: Size, layers: &[SceneLayer], simd: Simd) -> Vec<Vec<Bright>> {
         };
         let bright = |index: usize| {
             let (color, excess) = (layer.colors.at(index), excess(index));
-            let area = match layer.partial.binary_search_by_key(&index, |p| p.0) {
-                Ok(i) => layer.partial[i].1.coverage(),
-                Err(_) => 1.0,
-            };
+            let area = layer.half_plane_at(index).map_or(1.0, |plane| plane.coverage());
             Bright { index, dim: std::array::from_fn(|c| color[c] - excess[c]), excess, area }
         };
         found.into_iter().map(bright).collect()

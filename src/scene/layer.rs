@@ -28,8 +28,14 @@ impl SceneLayer {
         self.partial.get(next).is_some_and(|(partial, _)| *partial < pixels.end)
     }
 
+    /// The half-plane of the cell at a pixel, if it covers the pixel only partly.
+    pub fn half_plane_at(&self, index: usize) -> Option<HalfPlane> {
+        let found = self.partial.binary_search_by_key(&index, |(partial, _)| *partial);
+        found.ok().map(|i| self.partial[i].1)
+    }
+
     /// Whether the cell at a pixel covers it only partly.
     pub fn covers_partly(&self, index: usize) -> bool {
-        self.partial.binary_search_by_key(&index, |(partial, _)| *partial).is_ok()
+        self.half_plane_at(index).is_some()
     }
 }

@@ -395,11 +395,17 @@ fn hidden_by_all(
     let (n, alpha) = (size.pixels(), size.channels - 1);
     let nowhere = depth_spans::shift_range(built).0 as f32 - 2.0 * SAME_SURFACE_PX;
     let coverage = |layer: usize, i: usize| layers[layer].color[alpha * n + i];
+    // How much a cell counts as what is seen. What light passes through does not hide what is behind it, which goes on
+    // there: fully from half of the light on.
+    let hides = |layer: usize, i: usize| {
+        let half_plane = |plane: HalfPlane| plane.area * (2.0 * plane.opacity - 1.0).max(0.0);
+        built[layer].half_plane_at(i).map_or(coverage(layer, i), half_plane)
+    };
     // The pinhole sees the first layer with which half of the pixel is covered.
     let seen_at = |i: usize| {
         let mut left = 1.0;
         let half_covered = |layer: usize| {
-            left *= 1.0 - coverage(layer, i);
+            left *= 1.0 - hides(layer, i);
             left <= 0.5
         };
         (0..layers.len()).position(half_covered).map(|layer| layer as u16)
@@ -516,6 +522,19 @@ mod tests {
         let wall = layer(move |i| (slope(i), 0.2, 1.0));
         assert_eq!(built(vec![sloped, wall.clone()]).layers.len(), 2);
         assert_eq!(built(vec![front(1.0), back_of_bar(), layer(|_| (WALL, 0.2, 1.0))]).layers.len(), 3);
+    }
+
+    #[test]
+    fn what_light_passes_through_does_not_hide_the_wall() {
+        // Two panes, one of them with scratches: where both are, less than half of the light passes.
+        let scratches = layer(|i| (30.0, 0.5, if i / SIZE.width % 4 == 0 { 0.45 } else { 0.0 }));
+        let pane = layer(|_| (29.0, 0.5, 0.4));
+        let scene = built(vec![scratches, pane, front(1.0), back_of_bar()]);
+        let filled = |scene: &LayeredScene| scene.layers.last().unwrap().s.to_vec();
+        let cells = |s: &[f32]| s.iter().filter(|s| !s.is_nan()).count();
+        let (seen_through, bare) = (filled(&scene), filled(&built(vec![front(1.0), back_of_bar()])));
+        assert_eq!(cells(&seen_through), cells(&bare));
+        assert!(seen_through.iter().zip(&bare).all(|(a, b)| a == b || a.is_nan() && b.is_nan()));
     }
 
     #[test]
