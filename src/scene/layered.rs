@@ -527,7 +527,7 @@ mod tests {
     #[test]
     fn what_light_passes_through_does_not_hide_the_wall() {
         // Two panes, one of them with scratches: where both are, less than half of the light passes.
-        let scratches = layer(|i| (30.0, 0.5, if i / SIZE.width % 4 == 0 { 0.45 } else { 0.0 }));
+        let scratches = layer(|i| (30.0, 0.5, if (i / SIZE.width).is_multiple_of(4) { 0.45 } else { 0.0 }));
         let pane = layer(|_| (29.0, 0.5, 0.4));
         let scene = built(vec![scratches, pane, front(1.0), back_of_bar()]);
         let filled = |scene: &LayeredScene| scene.layers.last().unwrap().s.to_vec();
