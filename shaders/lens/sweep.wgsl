@@ -220,36 +220,34 @@ fn is_met(step: Step, cell: u32) -> bool {
     return nearest(depths) >= (step.segment.codes & 0xffffu) && farthest(depths) < (step.segment.codes >> 16u);
 }
 
-const NOT_BESIDE: u32 = 0u;
-const IN_FRONT: u32 = 1u;
-const BEHIND: u32 = 2u;
-
-// On which side of the surface a ray is that comes from the pixel of one of two cells to that of the other, where it
-// begins with the code before `to`. The cells of a slope span the depths up to half-way to their neighbours, where they
-// touch; others are not one surface.
-fn side_between(a: u32, b: u32, to: u32) -> u32 {
+// Whether two cells are one surface, if they are beside each other. The cells of a slope span the depths up to half-way to
+// their neighbours, where they touch.
+fn touch(a: u32, b: u32) -> bool {
     let depths_a = codes[a];
     let depths_b = codes[b];
-    let touch = depths_b != 0u
+    return depths_b != 0u
         && farthest(depths_a) <= nearest(depths_b) + 1u && farthest(depths_b) <= nearest(depths_a) + 1u;
-    if !touch {
-        return NOT_BESIDE;
-    }
-    return select(IN_FRONT, BEHIND, to <= max(farthest(depths_a), farthest(depths_b)));
+}
+
+// Whether a ray that comes from the pixel of one of two cells to that of the other, where it begins with the code before
+// `to`, is behind the surface there.
+fn is_behind(a: u32, b: u32, to: u32) -> bool {
+    return to <= max(farthest(codes[a]), farthest(codes[b]));
 }
 
 // Whether a row's ray crosses the surface of a cell in step `i`: it enters the pixel in front of the surface and leaves it
 // behind. On a slope, a ray may meet several cells of a surface that it crosses once.
 fn crosses(sample: LensSample, i: u32, step: Step, cell: u32, row: i32) -> bool {
     if i > sample.first {
-        let before = step_at(sample, i - 1u, step.layer);
-        if side_between(cell, cell_of(before, row), step.segment.codes >> 16u) == BEHIND {
+        let cell_before = cell_of(step_at(sample, i - 1u, step.layer), row);
+        if touch(cell, cell_before) && is_behind(cell, cell_before, step.segment.codes >> 16u) {
             return false;
         }
     }
     if i + 1u < sample.end {
         let after = step_at(sample, i + 1u, step.layer);
-        return side_between(cell, cell_of(after, row), after.segment.codes >> 16u) != IN_FRONT;
+        let cell_after = cell_of(after, row);
+        return !touch(cell, cell_after) || is_behind(cell, cell_after, after.segment.codes >> 16u);
     }
     return true;
 }

@@ -140,8 +140,8 @@ const STATED_TWICE: [(&str, &str, f64); 16] = [
     ("sprites/", "BEHIND", sprites::Depth::Behind as u32 as f64),
 ];
 /// Constants that only shaders use.
-const OF_SHADERS: [&str; 9] =
-    ["CAPACITY", "CORNERS", "FARTHEST", "LEAST_TOTAL", "MARGIN", "NO_CELL", "SIDE", "TAU", "THREADS"];
+const OF_SHADERS: [&str; 8] =
+    ["CAPACITY", "CORNERS", "FARTHEST", "LEAST_TOTAL", "MARGIN", "SIDE", "TAU", "THREADS"];
 
 /// Threads of a shader's workgroups along each axis, as the passes expect them.
 fn threads(shader: &str) -> [u32; 3] {
