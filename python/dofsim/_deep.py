@@ -163,6 +163,11 @@ def _joined(pixels: NDArray[Any], counts: NDArray[np.intp]) -> NDArray[np.float3
     return joined
 
 
+def _numbered(counts: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Number the members of groups of these sizes, one group after another, each from 0 on."""
+    return np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+
+
 def _in_pieces(
     values: Samples, back: NDArray[np.float32], counts: NDArray[np.intp], max_layers: int
 ) -> tuple[Samples, NDArray[np.intp]]:
@@ -184,7 +189,7 @@ def _in_pieces(
     pieces = np.ones(front.size, np.intp)
     pieces[is_volume] = np.ceil((near - far)[is_volume] / step[is_volume])
     sample = np.repeat(np.arange(front.size), pieces)
-    number = np.arange(sample.size) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    number = _numbered(pieces)
     split = {name: plane[sample] for name, plane in values.items()}
     of_volume = is_volume[sample]
     near, far = near[sample][of_volume], far[sample][of_volume]
@@ -209,8 +214,7 @@ def _layered(values: Samples, counts: NDArray[np.intp], max_layers: int) -> Samp
     first = np.cumsum(counts) - counts
     for pixels in _alike(counts):
         of_each = counts[pixels]
-        place = np.arange(of_each.sum()) - np.repeat(np.cumsum(of_each) - of_each, of_each)
-        samples = np.repeat(first[pixels], of_each) + place
+        samples = np.repeat(first[pixels], of_each) + _numbered(of_each)
         chosen = {name: plane[samples] for name, plane in values.items()}
         for name, plane in _merged(_in_order(chosen, of_each), max_layers).items():
             layered[name][pixels, : plane.shape[1]] = plane
@@ -238,7 +242,7 @@ def _in_order(values: Samples, counts: NDArray[np.intp]) -> Samples:
     pixel = pixel[seen]
     order = np.lexsort((kept["Z"], pixel))
     counts = np.bincount(pixel, minlength=counts.size)
-    place = np.arange(pixel.size) - np.repeat(np.cumsum(counts) - counts, counts)
+    place = _numbered(counts)
     shape = (counts.size, max(1, int(counts.max(initial=0))))
     padded = {name: np.full(shape, np.inf if name == "Z" else 0.0, np.float32) for name in kept}
     for name, plane in kept.items():

@@ -110,12 +110,9 @@ fn covered(cell: u32, at: vec2<i32>, offset: vec2<f32>) -> f32 {
     if number == 0u {
         return 1.0;
     }
-    let words = params.layers * params.size.x * params.size.y + 4u * (number - 1u);
-    let normal = vec2(bitcast<f32>(half_planes[words]), bitcast<f32>(half_planes[words + 1u]))
-        * mirroring(params.size, at.x, at.y);
-    let opacity = bitcast<f32>(half_planes[words + 3u]);
-    return opacity
-        * area_below(normal, bitcast<f32>(half_planes[words + 2u]) - (normal.x * offset.x + normal.y * offset.y));
+    let plane = half_plane(number, at);
+    let cut = plane.cut - (plane.normal.x * offset.x + plane.normal.y * offset.y);
+    return plane.opacity * area_below(plane.normal, cut);
 }
 
 // The number of steps for which a beam and the cells beside it certainly stay in the block of a padded cell; 0 if they

@@ -62,7 +62,6 @@ override CHANNELS: u32 = 3u;
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> codes: array<u32>;
 @group(0) @binding(2) var<storage, read> drawn: array<vec4<f32>>;
-// For each cell 0, or one more than the index of its half-plane; then the half-planes.
 @group(0) @binding(3) var<storage, read> half_planes: array<u32>;
 // Lens samples, then segments, then the columns of each sample.
 @group(0) @binding(4) var<storage, read> traces: array<vec4<u32>>;
@@ -183,12 +182,10 @@ fn opacity_of(cell: u32, at: vec2<i32>, slope: vec2<f32>, segment: Segment) -> f
     if number == 0u {
         return 1.0;
     }
-    let words = params.layers * params.size.x * params.size.y + 4u * (number - 1u);
-    let normal = vec2(bitcast<f32>(half_planes[words]), bitcast<f32>(half_planes[words + 1u]))
-        * mirroring(params.size, at.x, at.y);
+    let plane = half_plane(number, at);
     let ray = slope * f32(farthest(codes[cell])) + segment.base;
-    let is_beside = normal.x * ray.x + normal.y * ray.y > bitcast<f32>(half_planes[words + 2u]);
-    return select(bitcast<f32>(half_planes[words + 3u]), 0.0, is_beside);
+    let is_beside = plane.normal.x * ray.x + plane.normal.y * ray.y > plane.cut;
+    return select(plane.opacity, 0.0, is_beside);
 }
 
 // A segment of a sample, in one layer.

@@ -398,8 +398,12 @@ fn hidden_by_all(
     // How much a cell counts as what is seen. What light passes through does not hide what is behind it, which goes on
     // there: fully from half of the light on.
     let hides = |layer: usize, i: usize| {
+        let whole = coverage(layer, i);
+        if whole <= 0.0 || whole >= 1.0 {
+            return whole;
+        }
         let half_plane = |plane: HalfPlane| plane.area * (2.0 * plane.opacity - 1.0).max(0.0);
-        built[layer].half_plane_at(i).map_or(coverage(layer, i), half_plane)
+        built[layer].half_plane_at(i).map_or(whole, half_plane)
     };
     // The pinhole sees the first layer with which half of the pixel is covered.
     let seen_at = |i: usize| {

@@ -2,7 +2,8 @@
 //!
 //! In the order of the work: [`camera`] maps pixels of one view to another, and [`motion`] carries along what moves.
 //! [`source`] finds the pixels of a view that see what the reference does not, [`lamps`] those that do so in part, and
-//! [`trust`] says how far they are to be trusted. [`fragments`] resamples them onto the reference's pixels, and [`merge`] makes surfaces of them.
+//! [`trust`] says how far they are to be trusted. [`fragments`] resamples them onto the reference's pixels, and [`merge`]
+//! makes surfaces of them.
 
 pub mod axes;
 pub mod camera;

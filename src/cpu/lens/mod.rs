@@ -4,6 +4,7 @@
 //! [`in_focus`], an exact [`disc`], or a [`sweep`]. [`highlights`] are drawn over them.
 
 mod culling;
+mod dimming;
 mod disc;
 mod group;
 mod highlights;
@@ -12,6 +13,7 @@ mod lanes;
 mod padded;
 mod padded_colors;
 mod padded_layer;
+mod planes;
 mod segments;
 mod shadows;
 mod sweep;

@@ -1,6 +1,6 @@
 //! The rays of a tile as segments, near to far, and which of them can meet a cell.
 
-use super::culling::{PatchBounds, Query};
+use super::culling::{PART, PatchBounds, Query};
 use super::lanes::CellRay;
 use super::padded::Padded;
 use crate::plan::lens::lens_samples::LensSample;
@@ -11,6 +11,9 @@ use crate::scene::grid::BLOCK;
 
 /// Rows of a tile that are swept together.
 pub const ROWS: usize = 2;
+
+/// The largest number of cells of a row that any instruction set processes together.
+pub const MOST: usize = PART.0;
 
 /// An interval of depth over which a sample's rays stay at one offset.
 #[derive(Debug, Clone, Copy, Default)]

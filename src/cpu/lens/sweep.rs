@@ -5,10 +5,12 @@
 //! those whose depth lies in this interval. This needs contiguous loads only, no z-buffer and no gather.
 
 use super::culling::PART;
-use super::lanes::{CellRay, HalfPlaneRow, Lanes, Portable};
+use super::dimming::Left;
+use super::lanes::{Lanes, Portable};
 use super::padded::Padded;
-use super::padded_layer::{PaddedLayer, PartialPlanes};
-use super::segments::{ROWS, Segment, Segments, Step};
+use super::padded_layer::PaddedLayer;
+use super::planes::Planes;
+use super::segments::{MOST, ROWS, Segment, Segments};
 use super::tile_color::TileColor;
 use crate::picture::ChannelGroup;
 use crate::plan::lens::Missed;
@@ -16,181 +18,12 @@ use crate::rows::with_channels;
 use crate::scene::grid::TILE;
 use crate::simd::{InstructionSet, Simd};
 
-/// The largest number of cells of a row that any instruction set processes together.
-const MOST: usize = PART.0;
-
 /// Cells that some of the pixels that are swept together have met: those with a bit, at one offset in one layer.
 #[derive(Debug, Clone, Copy)]
 struct Hit {
     layer: u32,
     offset: i32,
     cells: [u32; ROWS],
-}
-
-/// How much of the light of each cell reaches the pixel that has met it.
-type Weights = [[f32; MOST]; ROWS];
-
-/// The data of a layer that the sweep reads.
-struct Planes<'a, const C: usize> {
-    lo: *const u16,
-    hi: *const u16,
-    color: [*const f32; C],
-    partial: &'a PartialPlanes,
-}
-
-impl<const C: usize> Planes<'_, C> {
-    fn of(layer: &PaddedLayer) -> Planes<'_, C> {
-        let color = std::array::from_fn(|c| layer.color[c].as_ptr());
-        Planes { lo: layer.lo.as_ptr(), hi: layer.hi.as_ptr(), color, partial: &layer.partial }
-    }
-
-    /// The cells of a row, starting at `at`, that cover their pixel only partly.
-    ///
-    /// # Safety
-    ///
-    /// The cells lie inside the padded arrays.
-    #[inline(always)]
-    unsafe fn partial(&self, at: usize) -> u32 {
-        // SAFETY: per the function's contract; the bits have some bytes more than there are cells.
-        let word = unsafe { self.partial.bits.as_ptr().add(at / 8).cast::<u64>().read_unaligned() };
-        (u64::from_le(word) >> (at % 8)) as u32
-    }
-
-    /// Those of the given cells, in a row starting at `at`, that a ray meets where they cover their pixel.
-    ///
-    /// # Safety
-    ///
-    /// The instructions of `L` have been detected, and the cells lie inside the padded arrays.
-    #[inline(always)]
-    unsafe fn covering<L: Lanes>(&self, cells: L::Mask, at: usize, ray: CellRay) -> L::Mask {
-        let PartialPlanes { normal_x, normal_y, cut, .. } = self.partial;
-        // SAFETY: per the function's contract.
-        unsafe {
-            let doubtful = self.partial(at) & L::bits(cells);
-            if doubtful == 0 {
-                return cells;
-            }
-            let row = HalfPlaneRow {
-                normal_x: normal_x.as_ptr().add(at),
-                normal_y: normal_y.as_ptr().add(at),
-                cut: cut.as_ptr().add(at),
-                code: self.lo.add(at),
-                ray,
-            };
-            L::without(cells, L::mask(doubtful & !L::covered(&row)))
-        }
-    }
-
-    /// The depth codes that a cell spans, from the farthest to the nearest.
-    ///
-    /// # Safety
-    ///
-    /// The cell lies inside the padded arrays.
-    #[inline(always)]
-    unsafe fn span(&self, cell: usize) -> [u16; 2] {
-        // SAFETY: per the function's contract.
-        unsafe { [*self.lo.add(cell), *self.hi.add(cell)] }
-    }
-
-    /// The fraction of a ray's light that a cell stops where it covers its pixel.
-    ///
-    /// # Safety
-    ///
-    /// As for [`Planes::span`].
-    #[inline(always)]
-    unsafe fn opacity(&self, cell: usize) -> f32 {
-        // SAFETY: per the function's contract.
-        if unsafe { self.partial(cell) } & 1 != 0 { self.partial.opacity[cell] } else { 1.0 }
-    }
-
-    /// Whether a ray that comes from the pixel of one of two cells to that of the other, where it begins with the code
-    /// before `to`, is behind the surface there; `None` if they are not one surface.
-    ///
-    /// The cells of a slope span the depths up to half-way to their neighbours, where they touch.
-    ///
-    /// # Safety
-    ///
-    /// As for [`Planes::span`], for both cells.
-    #[inline(always)]
-    unsafe fn is_behind(&self, a: usize, b: usize, to: u16) -> Option<bool> {
-        // SAFETY: per the function's contract.
-        let [[lo_a, hi_a], [lo_b, hi_b]] = unsafe { [self.span(a), self.span(b)] };
-        let touch = hi_b > 0 && lo_a <= hi_b.saturating_add(1) && lo_b <= hi_a.saturating_add(1);
-        touch.then(|| to <= lo_a.max(lo_b))
-    }
-
-    /// Whether light passes through some of the given cells of two rows, the first of which starts at `at`.
-    ///
-    /// # Safety
-    ///
-    /// As for [`Planes::partial`].
-    #[inline(always)]
-    unsafe fn passes_light(&self, at: usize, stride: usize, cells: [u32; ROWS]) -> bool {
-        // SAFETY: per the function's contract.
-        let partial = || unsafe { [self.partial(at) & cells[0], self.partial(at + stride) & cells[1]] };
-        self.partial.translucent && partial() != [0; ROWS]
-    }
-}
-
-/// What is left of the rays of one sample behind what they have met.
-struct Left {
-    /// Whether any of them has met something that light passes through.
-    dimmed: bool,
-    /// Of a ray that has met nothing all. Defined if any is dimmed.
-    light: Weights,
-}
-
-impl Left {
-    /// Dims the rays that meet `cells` of a layer in a segment. Returns how much of each cell's light arrives, and the
-    /// rays of which nothing is left.
-    ///
-    /// On a slope, a ray may meet several cells of a surface that it crosses once. It crosses it in the pixel that it
-    /// enters in front of the surface and leaves behind it.
-    ///
-    /// # Safety
-    ///
-    /// The segment's cells lie inside the padded arrays, and `base` is the first pixel.
-    // Out of the loop of the sweep, which then keeps its sums in registers.
-    #[cold]
-    #[inline(never)]
-    unsafe fn dim<L: Lanes, const C: usize>(
-        &mut self,
-        layer: &Planes<C>,
-        (base, stride): (usize, usize),
-        (segments, number): (&Segments, u32),
-        cells: [u32; ROWS],
-    ) -> (Weights, [u32; ROWS]) {
-        if !self.dimmed {
-            *self = Left { dimmed: true, light: [[1.0; MOST]; ROWS] };
-        }
-        let (mut weights, mut ended) = ([[0.0; MOST]; ROWS], [0; ROWS]);
-        let own = &segments.traced[number as usize];
-        let (before, after) = segments.steps_beside(own);
-        let at = |pixel: usize, offset: i32| pixel.wrapping_add_signed(offset as isize);
-        for row in 0..ROWS {
-            for i in (0..L::CELLS).filter(|i| cells[row] >> i & 1 != 0) {
-                let pixel = base + row * stride + i;
-                let cell = at(pixel, own.segment.offset);
-                // SAFETY: per the function's contract.
-                let opacity = unsafe { layer.opacity(cell) };
-                let is_behind = |step: &Step, to: u16| {
-                    // SAFETY: a ray's steps stay inside the padded arrays.
-                    unsafe { layer.is_behind(cell, at(pixel, step.offset), to) }
-                };
-                let comes_from_behind =
-                    || before.and_then(|step| is_behind(step, own.segment.to)) == Some(true);
-                let stays_in_front = || after.and_then(|step| is_behind(step, step.to)) == Some(false);
-                if opacity < 1.0 && (comes_from_behind() || stays_in_front()) {
-                    continue;
-                }
-                let light = &mut self.light[row][i];
-                weights[row][i] = *light * opacity;
-                *light -= weights[row][i];
-                ended[row] |= u32::from(*light <= 0.0) << i;
-            }
-        }
-        (weights, ended)
-    }
 }
 
 /// What samples have met of pixels that are swept together.
@@ -234,9 +67,7 @@ unsafe fn sweep_rows<L: Lanes, const C: usize>(
             }
         }
         let everywhere = L::mask(u32::MAX);
-        // Opaque scenes, which most are, pay nothing for the others.
-        let translucent = layers.iter().any(|layer| layer.partial.translucent);
-        let mut left = Left { dimmed: false, light: [[0.0; MOST]; ROWS] };
+        let mut left = Left::ALL;
         let mut start = 0;
         'samples: for &(sample, end) in &segments.unknown {
             let kept = segments.kept.get_unchecked(start..end as usize);
@@ -260,16 +91,17 @@ unsafe fn sweep_rows<L: Lanes, const C: usize>(
                 if any == 0 {
                     continue;
                 }
-                if (layer.partial(first) | layer.partial(first + stride)) & any != 0 {
+                let any_partial = (layer.partial(first) | layer.partial(first + stride)) & any != 0;
+                if any_partial {
                     let ray = segments.traced.get_unchecked(segment.number as usize).ray;
                     for row in 0..ROWS {
                         hits[row] = layer.covering::<L>(hits[row], first + row * stride, ray);
                     }
                 }
-                let cells = || hits.map(|hits| L::bits(hits));
-                if translucent && (left.dimmed || layer.passes_light(first, stride, cells())) {
+                if left.dimmed || any_partial && layer.partial.translucent {
+                    let cells = hits.map(|hits| L::bits(hits));
                     let number = (segments, segment.number);
-                    let (weights, ended) = left.dim::<L, C>(layer, (base, stride), number, cells());
+                    let (weights, ended) = left.dim::<L, C>(layer, (base, stride), number, cells);
                     for row in 0..ROWS {
                         for c in 0..C {
                             let color = layer.color[c].add(first + row * stride);

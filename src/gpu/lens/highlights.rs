@@ -13,7 +13,7 @@ use crate::scene::grid::BLOCK;
 
 pub const HIGHLIGHTS: Shader = shader!(
     "lens/highlights",
-    ["mirror", "lens/depth_spans", "lens/kernels", "lens/optical_vignetting"],
+    ["mirror", "lens/depth_spans", "lens/half_planes", "lens/kernels", "lens/optical_vignetting"],
     [HighlightsParams, Highlight, Tile, SecondStop]
 );
 

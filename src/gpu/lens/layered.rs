@@ -122,8 +122,9 @@ fn half_planes(layers: &[SceneLayer], pixels: usize) -> Vec<u32> {
     for (first, layer) in (0..).step_by(pixels).zip(layers) {
         for (index, plane) in layer.partial.iter() {
             let [x, y] = plane.normal;
-            planes.extend([x, y, plane.cut, plane.opacity].map(f32::to_bits));
-            words[first + index] = planes.len() as u32 / 4;
+            let values = [x, y, plane.cut, plane.opacity].map(f32::to_bits);
+            planes.extend(values);
+            words[first + index] = (planes.len() / values.len()) as u32;
         }
     }
     words.extend(planes);

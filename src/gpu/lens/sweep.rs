@@ -16,8 +16,11 @@ use crate::scene::grid::{BLOCK, TILE};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-pub const SWEEP: Shader =
-    shader!("lens/sweep", ["mirror", "lens/depth_spans"], [SweepParams, Tile, LensSample, Segment]);
+pub const SWEEP: Shader = shader!(
+    "lens/sweep",
+    ["mirror", "lens/depth_spans", "lens/half_planes"],
+    [SweepParams, Tile, LensSample, Segment]
+);
 
 /// Rows of a tile that one workgroup sweeps.
 pub const ROWS: usize = 16;
