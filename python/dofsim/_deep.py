@@ -164,7 +164,7 @@ def _joined(pixels: NDArray[Any], counts: NDArray[np.intp]) -> NDArray[np.float3
 
 
 def _numbered(counts: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Number the members of groups of these sizes, one group after another, each from 0 on."""
+    """Count the members of groups of these sizes, one group after another, each from 0 on."""
     return np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
 
 

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterable, Sequence
 from csv import DictReader
 from dataclasses import dataclass, replace
@@ -17,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _cameras
+from . import _cameras, _dofsim
 from ._datasets import read_hdf5
 from ._dofsim import Lens
 from ._files import StrPath, read_text
@@ -240,9 +239,8 @@ def write_cameras(path: StrPath, cameras: Sequence[Camera]) -> None:
         }
         for camera in cameras
     ]
-    partial = Path(f"{os.fspath(path)}.part")
-    partial.write_text(json.dumps({"axes": "opencv", "cameras": words}, indent=1), encoding="utf-8")
-    partial.replace(path)
+    text = json.dumps({"axes": "opencv", "cameras": words}, indent=1)
+    _dofsim.write_bytes(Path(path), text.encode())
 
 
 def _matrix(fx: float, fy: float, cx: float, cy: float) -> NDArray[np.float64]:

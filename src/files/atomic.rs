@@ -3,7 +3,7 @@
 use super::error::{Problem, Result};
 use super::source::with_path;
 use std::ffi::OsStr;
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -20,9 +20,11 @@ pub fn replace(
         let (temporary, file) = Temporary::beside(&target)?;
         let mut writer = BufWriter::with_capacity(1 << 16, file);
         write(&mut writer)?;
-        // The file is closed before it is renamed: some systems do not rename an open one.
-        drop(writer.into_inner().map_err(io::IntoInnerError::into_error)?);
+        let file = writer.into_inner().map_err(io::IntoInnerError::into_error)?;
+        // Some systems do not rename an open file. Elsewhere it stays locked until it has its name.
+        let locked = cfg!(unix).then_some(file);
         temporary.rename(&target)?;
+        drop(locked);
         Ok(())
     })
 }
@@ -59,6 +61,10 @@ fn beginning(name: &OsStr) -> String {
 }
 
 /// A file that removes itself unless it is renamed.
+///
+/// It is locked while it is open, and the system ends the lock with the process: a file of such a name that can be
+/// locked is one that its process did not live to finish. A process's number says less, for it is soon another's, or
+/// that of a process on another machine.
 struct Temporary(Option<PathBuf>);
 
 impl Temporary {
@@ -70,7 +76,9 @@ impl Temporary {
             let hidden = format!(".{}.{}-{count}.part", beginning(name), std::process::id());
             let path = target.with_file_name(hidden);
             match OpenOptions::new().write(true).create_new(true).open(&path) {
-                Ok(file) => return Ok((Self(Some(path)), file)),
+                Ok(file) if is_held(&file, &path) => return Ok((Self(Some(path)), file)),
+                // Whoever removes unfinished files came between the making and the lock.
+                Ok(_) => (),
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => (),
                 Err(error) => return Err(error.into()),
             }
@@ -92,5 +100,48 @@ impl Drop for Temporary {
             // Another error is already being returned, which says more than this one would.
             let _ = fs::remove_file(path);
         }
+    }
+}
+
+/// Locks a new file, and tells whether it is still there and not another's.
+///
+/// Where there are no locks, nobody else locks it either, and it is as safe.
+fn is_held(file: &File, path: &Path) -> bool {
+    !matches!(file.try_lock(), Err(TryLockError::WouldBlock)) && path.exists()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    #[cfg_attr(not(unix), ignore = "an open file cannot be renamed")]
+    fn a_file_is_locked_until_it_has_its_name() {
+        let folder = std::env::temp_dir().join(format!("dofsim-atomic-{}", std::process::id()));
+        fs::create_dir(&folder).unwrap();
+        let target = folder.join("a.txt");
+        let lock = |path: &Path| File::open(path).unwrap().try_lock();
+        replace(&target, |writer| {
+            let part = fs::read_dir(&folder)?.next().unwrap()?.path();
+            assert!(matches!(lock(&part), Err(TryLockError::WouldBlock)));
+            Ok(writer.write_all(b"whole")?)
+        })
+        .unwrap();
+        assert_eq!(fs::read(&target).unwrap(), b"whole");
+        assert!(lock(&target).is_ok());
+        assert_eq!(fs::read_dir(&folder).unwrap().count(), 1);
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn a_file_that_was_taken_for_an_unfinished_one_is_not_held() {
+        let path = std::env::temp_dir().join(format!("dofsim-taken-{}", std::process::id()));
+        let file = File::create(&path).unwrap();
+        let other = File::open(&path).unwrap();
+        other.lock().unwrap();
+        assert!(!is_held(&file, &path));
+        fs::remove_file(&path).unwrap();
+        other.unlock().unwrap();
+        assert!(!is_held(&file, &path));
     }
 }

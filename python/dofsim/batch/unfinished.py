@@ -6,7 +6,8 @@ import os
 import re
 import sys
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
 
 from .frames import Frame
 
@@ -43,9 +44,9 @@ def remove_unfinished(frames: Collection[Frame]) -> None:
     for folder in {path.parent for path in known}:
         names = [path.name for path in known if path.parent == folder]
         for part in folder.glob(".*.part"):
-            match = re.fullmatch(r"\.(.+)\.(\d+)-\d+\.part", part.name)
-            if match and not _is_alive(int(match[2])) and any(_begins(name, match[1]) for name in names):
-                part.unlink(missing_ok=True)
+            match = re.fullmatch(r"\.(.+)\.\d+-\d+\.part", part.name)
+            if match and any(_begins(name, match[1]) for name in names):
+                _remove_abandoned(part)
 
 
 def _begins(name: str, beginning: str) -> bool:
@@ -55,15 +56,21 @@ def _begins(name: str, beginning: str) -> bool:
     )
 
 
-def _is_alive(process: int) -> bool:
-    """Tell whether there is a process of this number on this machine."""
+def _remove_abandoned(part: Path) -> None:
+    """Remove an unfinished file unless a process holds the lock that it has while it is written."""
     if sys.platform == "win32":
         # What a living process writes cannot be removed there.
-        return False
+        return
+    import fcntl
+
     try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    return True
+        # Some network file systems lock only what is open for writing.
+        file = os.open(part, os.O_RDWR)
+    except OSError:
+        return
+    try:
+        with suppress(OSError):
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            part.unlink(missing_ok=True)
+    finally:
+        os.close(file)
