@@ -62,6 +62,7 @@ _ChannelKinds: TypeAlias = _ChannelKind | Sequence[_ChannelKind]
 _InvalidColor: TypeAlias = Literal["raise", "fill"]
 _Picture: TypeAlias = NDArray[np.floating[Any]] | NDArray[np.integer[Any]]
 _Pictures: TypeAlias = _Picture | Sequence[_Picture]
+_Holdout: TypeAlias = tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]]]
 _Pair: TypeAlias = tuple[float, float]
 _Path: TypeAlias = str | PathLike[str]
 _Transfer: TypeAlias = Literal["linear", "srgb"]
@@ -341,6 +342,7 @@ class Scene:
         color: NDArray[np.floating[Any]] | NDArray[np.integer[Any]],
         depth: NDArray[np.floating[Any]],
         *,
+        holdout: _Holdout | None = None,
         guide: _Picture | None = None,
         kinds: _ChannelKinds | None = None,
         device: _Device = "auto",
@@ -759,6 +761,7 @@ def render(
     depth: NDArray[np.floating[Any]],
     lens: Lens,
     *,
+    holdout: _Holdout | None = None,
     guide: _Picture | None = None,
     kinds: _ChannelKinds | None = None,
     method: Literal["lens"] = "lens",

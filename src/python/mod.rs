@@ -10,6 +10,7 @@ mod depth;
 mod devices;
 mod errors;
 mod files;
+mod holdout;
 mod input;
 mod invalid_color;
 mod lens;

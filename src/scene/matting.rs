@@ -499,6 +499,7 @@ mod tests {
         let size = Size { width: 12, height: 7, channels: 1 };
         let hidden = |i: usize| if i % 12 < 5 { 0.0 } else { f32::NAN };
         let behind = [SceneLayer {
+            role: crate::scene::layer::Role::Surface,
             s: Arc::new((0..84).map(hidden).collect()),
             colors: Colors::new(size, Arc::new((0..84).map(|_| 0.5).collect())),
             partial: Arc::default(),
