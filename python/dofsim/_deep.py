@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator, Mapping
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ._datasets import first_bytes
-from ._deep_header import check_claims
-from ._extras import missing
+from ._dofsim import read_deep_exr
 from ._files import StrPath
 
 Samples = dict[str, NDArray[np.float32]]
+Window = tuple[int, int, int, int]
+
+# What of a file becomes layers.
+_CHANNELS = ["R", "G", "B", "Y", "A", "Z", "ZBack"]
 
 _MAGIC = 20000630
 # The bit of the version field that says that some part is deep.
@@ -79,45 +82,34 @@ def read_deep(
 
     Raises
     ------
-    ImportError
-        If the OpenEXR package is not installed.
     ValueError
         If the file is damaged or has no deep part with depth.
     """
     if max_layers < 1:
         raise ValueError(f"max_layers must be positive; got {max_layers}")
-    try:
-        import OpenEXR  # type: ignore[import-not-found, unused-ignore]
-    except ImportError as error:
-        raise ImportError(missing("reading deep OpenEXR files needs", "OpenEXR", "deep")) from error
-    check_claims(path)
-    try:
-        with OpenEXR.File(str(path), separate_channels=True) as file:
-            deep = (OpenEXR.Storage.deepscanline, OpenEXR.Storage.deeptile)
-            parts = [part for part in file.parts if part.type() in deep and "Z" in part.channels]
-            channels = {name: channel.pixels for name, channel in parts[0].channels.items()} if parts else {}
-            header: Mapping[str, Any] = dict(parts[0].header) if parts else {}
-        color, depth = flatten(channels, max_layers) if parts else (None, None)
-    except (RuntimeError, TypeError, ValueError) as error:
-        raise ValueError(f"{path}: damaged file: {error}") from error
-    if color is None or depth is None:
+    if (found := read_deep_exr(path, _CHANNELS)) is None:
         raise ValueError(f"{path}: no deep part has a channel Z")
+    counts, channels, data_window, display_window = found
+    color, depth = flatten(counts, channels, max_layers)
     if data:
         return color, depth
-    return _displayed(color, header, 0.0), _displayed(depth, header, np.inf)
+    windows = data_window, display_window
+    return _displayed(color, *windows, 0.0), _displayed(depth, *windows, np.inf)
 
 
 def flatten(
-    channels: Mapping[str, NDArray[Any]], max_layers: int
+    counts: NDArray[np.unsignedinteger], channels: Mapping[str, NDArray[np.float32]], max_layers: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Turn the samples of every pixel into layers; see `read_deep`.
 
     Parameters
     ----------
-    channels : mapping of str to ndarray of object
-        For every channel, the samples of each pixel as an array; ``None`` for none. ``Z`` is needed; ``R``,
-        ``G``, ``B`` (or ``Y``), ``A`` and ``ZBack`` are used. Without ``A`` samples are opaque, without
-        ``ZBack`` they are thin.
+    counts : ndarray of int
+        The number of samples of each pixel, shape (H, W).
+    channels : mapping of str to ndarray of float32
+        For every channel, the samples of all pixels one after another. ``Z`` is needed; ``R``, ``G``, ``B``
+        (or ``Y``), ``A`` and ``ZBack`` are used. Without ``A`` samples are opaque, without ``ZBack`` they
+        are thin.
     max_layers : int
         The most layers.
 
@@ -126,24 +118,24 @@ def flatten(
     tuple of ndarray of float32
         Colour and depth.
     """
-    shape = channels["Z"].shape
-    flat = {name: pixels.ravel() for name, pixels in channels.items()}
-    grey = "Y" in flat and "R" not in flat
+    shape = counts.shape
+    all_counts = counts.ravel().astype(np.intp)
+    grey = "Y" in channels and "R" not in channels
     names = {**dict.fromkeys("RGB", "Y")} if grey else {name: name for name in "RGB"}
     color: list[NDArray[np.float32]] = []
     depth: list[NDArray[np.float32]] = []
-    for start in range(0, flat["Z"].size, _CHUNK):
-        pixels = slice(start, start + _CHUNK)
-        z = flat["Z"][pixels]
-        counts = np.fromiter((0 if samples is None else len(samples) for samples in z), np.intp, len(z))
-        values = {"Z": _joined(z, counts)}
+    end = 0
+    for start in range(0, all_counts.size, _CHUNK):
+        of_each = all_counts[start : start + _CHUNK]
+        samples = slice(end, end := end + int(of_each.sum()))
+        values = {"Z": channels["Z"][samples]}
         for name, source in (*names.items(), ("A", "A")):
-            present = flat[source][pixels] if source in flat else None
-            default = np.full_like(values["Z"], 1.0 if name == "A" else 0.0)
-            values[name] = default if present is None else _joined(present, counts)
-        if "ZBack" in flat:
-            values, counts = _in_pieces(values, _joined(flat["ZBack"][pixels], counts), counts, max_layers)
-        layered = _layered(values, counts, max_layers)
+            present = channels[source][samples] if source in channels else None
+            default = 1.0 if name == "A" else 0.0
+            values[name] = np.full_like(values["Z"], default) if present is None else present
+        if "ZBack" in channels:
+            values, of_each = _in_pieces(values, channels["ZBack"][samples], of_each, max_layers)
+        layered = _layered(values, of_each, max_layers)
         color.append(np.stack([layered[name] for name in "RGBA"], axis=-1))
         depth.append(layered["Z"])
     layers = max(part.shape[1] for part in color)
@@ -152,15 +144,6 @@ def flatten(
         np.concatenate([_widened(part, layers, 0.0) for part in color]).swapaxes(0, 1).reshape(*shaped, 4),
         np.concatenate([_widened(part, layers, np.inf) for part in depth]).swapaxes(0, 1).reshape(shaped),
     )
-
-
-def _joined(pixels: NDArray[Any], counts: NDArray[np.intp]) -> NDArray[np.float32]:
-    """All samples one after another."""
-    kept = [np.asarray(samples, np.float32) for samples in pixels if samples is not None and len(samples)]
-    joined = np.concatenate(kept) if kept else np.empty(0, np.float32)
-    if joined.size != counts.sum():
-        raise ValueError("the channels of a deep part differ in their numbers of samples")
-    return joined
 
 
 def _numbered(counts: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -291,13 +274,13 @@ def _widened(layers: NDArray[np.float32], count: int, fill: float) -> NDArray[np
     return np.pad(layers, missing, constant_values=fill)
 
 
-def _displayed(layers: NDArray[np.float32], header: Mapping[str, Any], fill: float) -> NDArray[np.float32]:
+def _displayed(layers: NDArray[np.float32], stored: Window, seen: Window, fill: float) -> NDArray[np.float32]:
     """Cut the pixels that are stored to those to be seen."""
-    (left, top), _ = header["dataWindow"]
-    (first, above), (last, below) = header["displayWindow"]
+    left, top, *_ = stored
+    first, above, columns, rows = seen
     count, height, width, *channels = layers.shape
-    out = np.full((count, int(below - above) + 1, int(last - first) + 1, *channels), fill, np.float32)
-    y, x = int(top - above), int(left - first)
+    out = np.full((count, rows, columns, *channels), fill, np.float32)
+    y, x = top - above, left - first
     into = out[:, max(y, 0) : max(y + height, 0), max(x, 0) : max(x + width, 0)]
     into[...] = layers[:, max(-y, 0) :, max(-x, 0) :][:, : into.shape[1], : into.shape[2]]
     return out

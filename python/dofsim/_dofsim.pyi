@@ -31,6 +31,7 @@ __all__ = [
     "layers_from_views",
     "methods_available",
     "parse_profile",
+    "read_deep_exr",
     "read_exr",
     "read_raster",
     "refine_depth",
@@ -67,6 +68,7 @@ _Pair: TypeAlias = tuple[float, float]
 _Path: TypeAlias = str | PathLike[str]
 _Transfer: TypeAlias = Literal["linear", "srgb"]
 _Triple: TypeAlias = tuple[float, float, float]
+_Window: TypeAlias = tuple[int, int, int, int]
 _Vignetting: TypeAlias = Literal["none", "optical", "natural", "full"]
 
 # The options of each method; None stands for one that is not given.
@@ -971,6 +973,9 @@ def exr_parts(path: _Path) -> list[ExrPart]: ...
 def file_kind(path: _Path) -> Literal[
     "exr", "png", "jpeg", "webp", "bmp", "hdr", "tiff", "pfm", "npy", "npz"
 ]: ...
+def read_deep_exr(
+    path: _Path, channels: list[str]
+) -> tuple[NDArray[np.uint32], dict[str, NDArray[np.float32]], _Window, _Window] | None: ...
 def read_exr(
     path: _Path, part: int, channels: list[str], *, data: bool, fill: float
 ) -> NDArray[np.float32]: ...

@@ -5,10 +5,12 @@ use super::samples::viewable;
 use crate::color::{Sample, Transfer};
 use crate::files::{self, Alpha, FileError, Pixels, Problem, Samples, Shape, openexr};
 use half::f16;
-use numpy::{Element, PyArray1, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
+use numpy::{
+    Element, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods,
+};
 use pyo3::exceptions::{PyOSError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyBytes;
+use pyo3::types::{PyBytes, PyDict};
 use std::path::PathBuf;
 
 /// Errors of the system become `OSError` with their number, so that Python picks the subclass. All other errors are
@@ -213,6 +215,28 @@ pub fn read_exr(
     let view = if data { openexr::View::Data } else { openexr::View::Display };
     let raster = py.detach(|| openexr::read(&path, part, &channels, view, fill))?;
     Pixmap::new(py, raster)
+}
+
+/// A window as (x, y, width, height).
+type WindowWords = (i32, i32, usize, usize);
+
+/// The first deep part of an OpenEXR file that has a channel Z, if there is one: the number of samples of each pixel, the
+/// samples of those of some channels that it has, all pixels one after another, its data window and its display window.
+#[pyfunction]
+pub fn read_deep_exr<'py>(
+    py: Python<'py>,
+    path: PathBuf,
+    channels: Vec<String>,
+) -> PyResult<Option<(Bound<'py, PyArray2<u32>>, Bound<'py, PyDict>, WindowWords, WindowWords)>> {
+    let window = |w: openexr::Window| (w.x, w.y, w.width, w.height);
+    let Some(deep) = py.detach(|| openexr::read_deep(&path, "Z", &channels))? else { return Ok(None) };
+    let openexr::Deep { counts, channels, data_window, display_window } = deep;
+    let counts = PyArray1::from_vec(py, counts).reshape([data_window.height, data_window.width])?;
+    let samples = PyDict::new(py);
+    for (name, values) in channels {
+        samples.set_item(name, PyArray1::from_vec(py, values))?;
+    }
+    Ok(Some((counts, samples, window(data_window), window(display_window))))
 }
 
 type NamedChannels<'py> = Vec<(String, Contiguous<'py>)>;

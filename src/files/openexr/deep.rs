@@ -62,7 +62,8 @@ pub fn read_deep(path: &Path, needed: &str, wanted: &[String]) -> Result<Option<
 
 /// The bytes `at .. at + length` of a file.
 fn part_of(file: &[u8], at: u64, length: u64) -> std::result::Result<&[u8], Problem> {
-    let range = usize::try_from(at).ok().zip(at.checked_add(length).and_then(|end| usize::try_from(end).ok()));
+    let range =
+        usize::try_from(at).ok().zip(at.checked_add(length).and_then(|end| usize::try_from(end).ok()));
     let part = range.and_then(|(start, end)| file.get(start..end));
     part.ok_or_else(|| Problem::Damaged("a block of pixels ends after the file".into()))
 }
@@ -116,7 +117,8 @@ fn packed<'a>(
                 first.map(|y| Window { x: 0, y: y as i32, width, height: lines.min(height - y) })
             }
             Block::Tiles(columns, rows) => {
-                let [x, y, level_x, level_y] = [numbers.i32()?, numbers.i32()?, numbers.i32()?, numbers.i32()?];
+                let [x, y, level_x, level_y] =
+                    [numbers.i32()?, numbers.i32()?, numbers.i32()?, numbers.i32()?];
                 let place = |number: i32, side: usize, n: usize| {
                     let first = usize::try_from(number).ok().and_then(|number| number.checked_mul(side));
                     first.filter(|first| *first < n)
@@ -209,7 +211,9 @@ fn samples(
     for block in blocks {
         let of_block: u64 = (0..block.area.height).map(|row| of_row(&block.area, row)).sum();
         if u128::from(of_block) * per_sample as u128 != u128::from(block.unpacked) {
-            return Err(Problem::Damaged("a block of pixels has another number of samples than it says".into()));
+            return Err(Problem::Damaged(
+                "a block of pixels has another number of samples than it says".into(),
+            ));
         }
         all += u128::from(of_block);
     }
@@ -240,8 +244,8 @@ fn samples(
         let mut planes = planes.lock().unwrap_or_else(PoisonError::into_inner);
         for row in 0..area.height {
             let line = area.y as usize + row;
-            let before: u32 = counts[line * width..][..area.x as usize].iter().sum();
-            let (first, n) = (rows[line] + before as usize, of_row(area, row) as usize);
+            let before: usize = counts[line * width..][..area.x as usize].iter().map(|n| *n as usize).sum();
+            let (first, n) = (rows[line] + before, of_row(area, row) as usize);
             let (own, others) = rest.split_at(n * per_sample);
             rest = others;
             for Plane { before, kind, samples } in planes.iter_mut() {

@@ -143,7 +143,8 @@ fn header(attributes: &[Attribute], version: u32, length: u64) -> Result<Header>
         let found = attributes.iter().find(|(own, ..)| *own == name.as_bytes());
         found.map(|(.., value)| *value)
     };
-    let needed = |name: &str| value(name).ok_or_else(|| Problem::Damaged(format!("its header has no {name}")));
+    let needed =
+        |name: &str| value(name).ok_or_else(|| Problem::Damaged(format!("its header has no {name}")));
     let number = |bytes: &[u8], at: usize| {
         let found = bytes.get(4 * at..).and_then(|rest| rest.first_chunk());
         found.map(|bytes| i32::from_le_bytes(*bytes)).ok_or_else(Reader::too_early)
@@ -224,7 +225,10 @@ fn channels(list: &[u8]) -> Result<Vec<Channel>> {
         let sampling = [reader.u32()?, reader.u32()?];
         if sampling != [1, 1] {
             return Err(Problem::Unsupported {
-                found: format!("a channel {name:?} with a sample for every {} x {} pixels", sampling[0], sampling[1]),
+                found: format!(
+                    "a channel {name:?} with a sample for every {} x {} pixels",
+                    sampling[0], sampling[1]
+                ),
                 accepted: "deep channels with samples for every pixel",
             });
         }

@@ -6,17 +6,14 @@ use std::borrow::Cow;
 use zune_inflate::{DeflateDecoder, DeflateOptions};
 
 /// The `length` bytes that were packed. What packing would not have made shorter is stored as it was.
-pub fn unpack(
-    packed: &[u8],
-    length: usize,
-    compression: Compression,
-) -> Result<Cow<'_, [u8]>, Problem> {
+pub fn unpack(packed: &[u8], length: usize, compression: Compression) -> Result<Cow<'_, [u8]>, Problem> {
     let unpacked = match compression {
         _ if packed.len() == length => return Ok(Cow::Borrowed(packed)),
         Compression::None => None,
         Compression::Rle => runs(packed, length),
         Compression::Zip => {
-            let options = DeflateOptions::default().set_limit(length).set_size_hint(most(packed.len(), length));
+            let options =
+                DeflateOptions::default().set_limit(length).set_size_hint(most(packed.len(), length));
             DeflateDecoder::new_with_options(packed, options).decode_zlib().ok()
         }
     };
