@@ -130,6 +130,42 @@ def test_it_blocks_as_a_black_surface_does(shift):
     assert out[..., 3].min() < 0.05
 
 
+def accumulated(layers, radius_px):
+    """Add up what each of many lens points sees, in f64: layers at a constant blur, moved by whole pixels.
+
+    ``layers`` are near to far: radius in pixels, premultiplied colour and coverage, and whether it is seen.
+    """
+    steps = np.arange(-radius_px, radius_px + 1) / radius_px
+    points = [(x, y) for y in steps for x in steps if x * x + y * y <= 1]
+    total = 0.0
+    for x, y in points:
+        left, seen = 1.0, 0.0
+        for radius, picture, is_seen in layers:
+            moved = np.roll(picture.astype(np.float64), (round(y * radius), round(x * radius)), (0, 1))
+            seen = seen + left * moved * is_seen
+            left = left * (1 - moved[..., 3:])
+        total = total + seen
+    return total / len(points)
+
+
+@pytest.mark.parametrize(("before", "focus"), [(1.0, 0.0), (0.0, 0.0), (1.0, 1.0), (-0.5, -0.5)])
+def test_it_is_what_an_accumulation_buffer_sees(before, focus):
+    """An oracle that knows nothing of layers, samples or edges: one picture for each point of the lens."""
+    radius = 12
+    ball, matte = disc(100, 50, 18), disc(70, 45, 24)
+    picture = rgba(np.float32([0.9, 0.3, 0.1]), ball)
+    wall = rgba(0.5 + 0.3 * np.float32(np.sin(X / 9) * np.cos(Y / 7))[..., None] * np.ones(3, np.float32))
+    layers, depths = np.stack([picture, wall]), np.stack([everywhere(0.5), everywhere(WALL)])
+    out = render(layers, depths, (matte, everywhere(before)), through=lens(radius, focus), views=2048)
+    surfaces = [(0.5, picture, 1), (WALL, wall, 1), (before, rgba(np.zeros(3), matte), 0)]
+    surfaces.sort(key=lambda surface: -surface[0])
+    expected = accumulated([(radius * (d - focus), *rest) for d, *rest in surfaces], radius)
+    # Whole pixels are moved here, and the frame is repeated rather than mirrored.
+    inside = np.s_[2 * radius : -2 * radius, 2 * radius : -2 * radius]
+    assert np.abs(out - expected)[inside].max() < 0.06
+    assert np.sqrt(np.mean((out - expected)[inside] ** 2)) < 6e-3
+
+
 @pytest.mark.parametrize("lamps", [0, 5])
 def test_pictures_that_hold_each_other_out_add_up_to_the_whole(lamps):
     """What compositors join with plus: each of two renders is held out by the other."""
@@ -360,7 +396,7 @@ def test_a_file_holds_a_picture_out(files):
             ["--holdout", "set.exr", "--channels", "*"],
             "--holdout is for pictures, and --channels are rendered without",
         ),
-        (["--holdout", "set.exr", "--method", "taps"], "--holdout is for --method lens"),
+        (["--holdout", "set.exr", "--method", "taps"], "holdout is for --method lens; got --method taps"),
         (["--holdout", "out.exr"], "out.exr"),
     ],
 )
@@ -369,7 +405,9 @@ def test_files_that_hold_nothing_out_are_named(files, capsys, options, text):
     io.write_image("opaque.exr", color[..., :3], depth=metres)
     io.write_image("small.exr", color[2:], depth=metres[2:])
     assert run(["render", "picture.exr", "-o", "out.exr", *options, *LENS_OPTIONS]) == 2
-    assert text in capsys.readouterr().err
+    err = capsys.readouterr().err
+    assert err.startswith("dofsim: ")
+    assert text in err
 
 
 def test_deep_samples_hold_out(files, tmp_path):

@@ -31,6 +31,7 @@ __all__ = [
     "layers_from_views",
     "methods_available",
     "parse_profile",
+    "layers_of_samples",
     "read_deep_exr",
     "read_exr",
     "read_raster",
@@ -973,6 +974,13 @@ def exr_parts(path: _Path) -> list[ExrPart]: ...
 def file_kind(path: _Path) -> Literal[
     "exr", "png", "jpeg", "webp", "bmp", "hdr", "tiff", "pfm", "npy", "npz"
 ]: ...
+def layers_of_samples(
+    counts: NDArray[np.uint32],
+    channels: dict[str, NDArray[np.float32]],
+    max_layers: int,
+    *,
+    window: _Window,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
 def read_deep_exr(
     path: _Path, channels: list[str]
 ) -> tuple[NDArray[np.uint32], dict[str, NDArray[np.float32]], _Window, _Window] | None: ...
