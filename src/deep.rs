@@ -1,9 +1,12 @@
 //! Samples of deep pixels, brought to layers from front to back.
 //!
 //! The samples of a pixel are sorted by depth. A volume, from Z to ZBack, is split into pieces of even disparity. Where
-//! there are more samples than layers, neighbours are merged, those first whose merging moves the least light by the least
-//! disparity: two become one of their colour over each other, at their mean disparity by visible coverage. So a pixel looks
-//! as it did, and the circle of confusion, which is linear in disparity, is right in the mean.
+//! there are more samples than layers, neighbours are merged: two become one of their colour over each other, so a pixel
+//! looks as it did, at their mean disparity, in which the circle of confusion is linear.
+//!
+//! Samples count by their optical depth, `-ln(1 - alpha)`. Those of things that one follows the other add up, so it makes no
+//! difference into how many pieces a volume was cut. What is opaque has an infinite one: it stays where it is, and what is
+//! merged with it comes to it. A wall behind fog keeps its distance, and its sharpness if it is in focus.
 
 use crate::cancel::Cancel;
 use crate::error::Result;
@@ -53,6 +56,37 @@ struct Sample {
 impl Sample {
     fn alpha(&self) -> f32 {
         self.color[3]
+    }
+
+    /// What adds up of things that follow one another.
+    fn optical_depth(&self) -> f32 {
+        -(-self.alpha()).ln_1p()
+    }
+
+    /// What merging it with a sample behind it costs, by Ward's criterion: by how much the variance of disparity grows, each
+    /// sample counting by its optical depth.
+    fn cost_with(&self, behind: &Sample) -> f32 {
+        if self.z == behind.z {
+            return 0.0;
+        }
+        let apart = 1.0 / behind.z - 1.0 / self.z;
+        let [front, behind] = [self, behind].map(Sample::optical_depth);
+        apart * apart / (1.0 / front + 1.0 / behind)
+    }
+
+    /// It and a sample behind it as one.
+    fn over(&self, behind: &Sample) -> Sample {
+        let through = 1.0 - self.alpha();
+        let color = std::array::from_fn(|c| self.color[c] + through * behind.color[c]);
+        let [own, other] = [self, behind].map(Sample::optical_depth);
+        let z = if own == f32::INFINITY || self.z == behind.z {
+            self.z
+        } else if other == f32::INFINITY {
+            behind.z
+        } else {
+            (own + other) / (own / self.z + other / behind.z)
+        };
+        Sample { z, color }
     }
 }
 
@@ -191,12 +225,9 @@ fn merge(samples: &mut Vec<Sample>, most: usize) {
     let mut before: Vec<usize> = (0..=ends).map(|i| i.wrapping_sub(1)).collect();
     let mut after: Vec<usize> = (1..=ends).collect();
     let mut merged = vec![Some(0u32); ends];
-    // Ward's criterion: by how much the variance of disparity grows, each sample counting by its coverage, for what is hidden
-    // from the pinhole is not hidden from the lens. The bits of numbers that are not negative are ordered as they are.
+    // The bits of numbers that are not negative are ordered as they are.
     let pair = |samples: &[Sample], merged: &[Option<u32>], front: usize, behind: usize| {
-        let [a, b] = [samples[front].alpha(), samples[behind].alpha()];
-        let apart = disparity_between(&samples[front], &samples[behind]);
-        let cost = a * b / (a + b) * (apart * apart);
+        let cost = samples[front].cost_with(&samples[behind]);
         Reverse((cost.to_bits(), front, behind, merged[front], merged[behind]))
     };
     let mut pairs: BinaryHeap<_> = (1..ends).map(|i| pair(samples, &merged, i - 1, i)).collect();
@@ -207,14 +238,7 @@ fn merge(samples: &mut Vec<Sample>, most: usize) {
         if (front_merged, behind_merged) != (merged[front], merged[behind]) {
             continue;
         }
-        let Sample { color, .. } = samples[behind];
-        let apart = disparity_between(&samples[front], &samples[behind]);
-        let own = &mut samples[front];
-        let through = 1.0 - own.alpha();
-        // Where the two become one they are seen as from the front.
-        let share = through * color[3] / (own.alpha() + through * color[3]);
-        own.z = 1.0 / (1.0 / own.z + share * apart);
-        own.color.iter_mut().zip(color).for_each(|(own, other)| *own += through * other);
+        samples[front] = samples[front].over(&samples[behind]);
         merged[front] = merged[front].map(|times| times + 1);
         merged[behind] = None;
         let next = after[behind];
@@ -229,11 +253,6 @@ fn merge(samples: &mut Vec<Sample>, most: usize) {
     }
     let mut kept = merged.iter().map(Option::is_some);
     samples.retain(|_| kept.next() == Some(true));
-}
-
-/// By how much the second of two samples is farther in disparity, as a negative number; none if they are at one depth.
-fn disparity_between(front: &Sample, behind: &Sample) -> f32 {
-    if front.z == behind.z { 0.0 } else { 1.0 / behind.z - 1.0 / front.z }
 }
 
 #[cfg(test)]
@@ -252,7 +271,24 @@ mod tests {
         assert_eq!(merged(&[(1.0, 1.0), (1.1, 1.0), (4.0, 1.0)], 2), [(1.0, 1.0), (4.0, 1.0)]);
         assert_eq!(merged(&[(2.0, 0.5), (2.0, 0.5), (2.0, 0.5), (2.0, 0.5)], 3).len(), 3);
         assert_eq!(merged(&[(2.0, 0.5); 3], 2), [(2.0, 0.75), (2.0, 0.5)]);
+        assert_eq!(merged(&[(2.0, 1.0); 3], 2), [(2.0, 1.0), (2.0, 1.0)]);
         assert_eq!(merged(&[(1.0, 0.5), (2.0, 0.25)], 2), [(1.0, 0.5), (2.0, 0.25)]);
+    }
+
+    #[test]
+    fn what_is_opaque_stays_where_it_is() {
+        assert_eq!(merged(&[(1.0, 0.5), (1.25, 1.0)], 1), [(1.25, 1.0)]);
+        assert_eq!(merged(&[(1.0, 1.0), (1.25, 1.0)], 1), [(1.0, 1.0)]);
+        assert_eq!(merged(&[(1.0, 1.0), (1.25, 0.5)], 1), [(1.0, 1.0)]);
+    }
+
+    #[test]
+    fn it_makes_no_difference_into_how_many_pieces_a_volume_was_cut() {
+        let passed = |disparity: f32, part: f32| (1.0 / disparity, 1.0 - 0.3f32.powf(part));
+        let [(two, a)] = merged(&[passed(0.9, 0.5), passed(0.5, 0.5)], 1)[..] else { panic!() };
+        let four = [passed(0.9, 0.25), passed(0.9, 0.25), passed(0.5, 0.4), passed(0.5, 0.1)];
+        let [(four, b)] = merged(&four, 1)[..] else { panic!() };
+        assert!((two - 1.0 / 0.7).abs() < 1e-5 && (four - two).abs() < 1e-5 && (a - b).abs() < 1e-6);
     }
 
     #[test]

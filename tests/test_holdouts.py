@@ -348,12 +348,12 @@ def test_what_cannot_be_used_is_named(name):
 def test_what_goes_not_with_a_holdout_is_refused_by_name():
     color, depth = one_layer()
     holdout = (everywhere(1.0), everywhere(1.0))
-    with pytest.raises(ValueError, match="holdout cannot be used with guide or kinds"):
+    with pytest.raises(ValueError, match=r"holdout cannot be used with guide or kinds"):
         render(color, depth, holdout, guide=color)
     with pytest.raises(ValueError, match='holdout is for method="lens"; got method="poisson"'):
         render(color, depth, holdout, method="poisson")
     with pytest.raises(
-        ValueError, match='depth_kind="relative" .* cannot be used with holdout; pass depth_range'
+        ValueError, match=r'depth_kind="relative" .* cannot be used with holdout; pass depth_range'
     ):
         render(color, depth, holdout, depth_kind="relative")
 
@@ -410,14 +410,14 @@ def test_files_that_hold_nothing_out_are_named(files, capsys, options, text):
     assert text in err
 
 
-def test_deep_samples_hold_out(files, tmp_path):
+@pytest.mark.usefixtures("files")
+def test_deep_samples_hold_out(tmp_path):
     """The samples of a deep file are as many holdouts as there are layers."""
-    color, metres, _ = files
     counts = np.full((HEIGHT, WIDTH), 2)
     samples = np.empty(counts.shape, object)
     for at in np.ndindex(counts.shape):
         samples[at] = np.float32([0.5, 0.5])
-    pixels = {name: samples for name in "RGBA"}
+    pixels = dict.fromkeys("RGBA", samples)
     depths = samples.copy()
     for at in np.ndindex(counts.shape):
         depths[at] = np.float32([1.0, 3.0])

@@ -118,7 +118,7 @@ def cells(shape, samples):
 
 
 def joined(pixels):
-    """The counts of arrays of samples, and the samples of each channel one after another."""
+    """Give the counts of arrays of samples, and the samples of each channel one after another."""
     counts = np.array([[len(samples) for samples in row] for row in pixels["Z"]], np.uint32)
     return counts, {name: np.concatenate(list(samples.ravel())) for name, samples in pixels.items()}
 
@@ -188,7 +188,13 @@ def test_neighbours_in_disparity_are_merged_first_at_their_mean():
     color, depth = flatten(*joined(cells((1, 1), lambda *_: one)), 3)
     assert color[:, 0, 0, 0].tolist() == pytest.approx([0.0, 1 + 0.4 * 2, 0.0])
     assert color[:, 0, 0, 3].tolist() == pytest.approx([0.5, 1.0, 1.0])
-    assert (1 / depth[:, 0, 0]).tolist() == pytest.approx([near, 0.6 * pair[1] + 0.4 * pair[0], far])
+    # What is opaque stays where it is.
+    assert (1 / depth[:, 0, 0]).tolist() == pytest.approx([near, pair[0], far])
+    one["A"] = [0.5, 0.6, 0.2, 1.0]
+    color, depth = flatten(*joined(cells((1, 1), lambda *_: one)), 3)
+    first, second = -np.log([0.4, 0.8])
+    mean = (first * pair[1] + second * pair[0]) / (first + second)
+    assert (1 / depth[:, 0, 0]).tolist() == pytest.approx([near, mean, far])
 
 
 def volume(z, back, alpha, red):
@@ -223,6 +229,33 @@ def test_two_halves_of_a_volume_are_the_volume():
         stopped = 1.0 - np.cumprod(1.0 - color[:, 0, 0, 3].astype(float))
         seen.append(np.interp(parts, stopped, 1 / depth[:, 0, 0]))
     np.testing.assert_allclose(seen[1], seen[0], rtol=0.02)
+
+
+@pytest.mark.parametrize("alpha", [0.05, 0.3, 0.7])
+@pytest.mark.parametrize("max_layers", [2, 3, 4])
+def test_a_wall_in_focus_stays_sharp_behind_fog(max_layers, alpha):
+    """Fog that reaches the wall is merged with it, and does not move it."""
+    shape = (48, 64)
+    wall = np.random.default_rng(0).random((*shape, 3), np.float32)
+    counts = np.full(shape, 2, np.uint32)
+
+    def both(fog, behind):
+        values = np.empty((*shape, 2), np.float32)
+        values[..., 0], values[..., 1] = fog, behind
+        return values.ravel()
+
+    channels = {"Z": both(1.0, 5.0), "ZBack": both(5.0, 5.0), "A": both(alpha, 1.0)}
+    channels |= {name: both(0.5 * alpha, wall[..., c]) for c, name in enumerate("RGB")}
+    lens = dofsim.Lens.from_disparity(strength_px=10, focus=0.2)
+    pictures = []
+    for most in (24, max_layers):
+        color, depth = flatten(counts, channels, most)
+        np.testing.assert_allclose(depth[-1], 5.0)
+        assert len(depth) == most
+        picture = dofsim.render(color, 1 / depth, lens, depth_kind="disparity", device="cpu")
+        pictures.append(picture[..., :3])
+    # What is moved is fog alone, which has no pattern.
+    assert np.abs(pictures[1] - pictures[0]).max() < 1e-3
 
 
 def test_solid_and_thin_volumes():

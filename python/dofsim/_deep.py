@@ -51,7 +51,8 @@ def read_deep(
 
     Samples are sorted by depth. A volume, from Z to ZBack, is split into pieces of even disparity that
     together stop as much light. Where there are more than `max_layers` samples, neighbours are merged, those
-    first whose merging moves the least light by the least disparity. So a pixel looks as it did.
+    first whose merging moves the least optical depth by the least disparity. So a pixel looks as it did, and
+    what is opaque keeps its depth.
 
     Parameters
     ----------
