@@ -1,6 +1,5 @@
 //! Holdouts: what blocks the light of a picture and is not seen itself; read and checked.
 
-use super::carried::ChannelArguments;
 use super::depth::read_planes;
 use super::errors::{reworded, shown};
 use super::run::installed;
@@ -21,12 +20,7 @@ pub struct Holdout {
 
 impl Holdout {
     /// Reads a pair of alpha and depth for a picture of this size.
-    pub fn read(given: &Bound<'_, PyAny>, size: Size, channels: &ChannelArguments) -> PyResult<Holdout> {
-        if channels.any() {
-            return Err(PyValueError::new_err(
-                "holdout cannot be used with guide or kinds: channels are rendered without holdouts",
-            ));
-        }
+    pub fn read(given: &Bound<'_, PyAny>, size: Size) -> PyResult<Holdout> {
         let is_sequence = given.is_instance_of::<PyTuple>() || given.is_instance_of::<PyList>();
         if !is_sequence || given.len()? != 2 {
             return Err(PyTypeError::new_err(format!(

@@ -186,7 +186,12 @@ impl PyScene {
         let read =
             |color: &Bound<'py, PyAny>| Input::read(color, depth, alpha, transfer, invalid_color, refining);
         let mut input = channels.picture(color, read)?;
-        input.holdout = holdout.map(|given| Holdout::read(given, input.size, &channels)).transpose()?;
+        if holdout.is_some() && channels.any() {
+            return Err(PyValueError::new_err(
+                "holdout cannot be used with guide or kinds: channels are rendered without holdouts",
+            ));
+        }
+        input.holdout = holdout.map(|given| Holdout::read(given, input.size)).transpose()?;
         let channels = channels.read(color, &input)?;
         let grid = OutputGrid::new(input.size, overscan, supersample)?;
         let depth_arguments = (depth_kind.to_owned(), near, far, depth_range);
