@@ -219,6 +219,14 @@ def test_lamps_close_behind_a_holdout_are_hidden():
     assert out[:, 40:].max() < 1e-5
 
 
+def test_a_holdout_close_before_a_surface_adds_no_light():
+    """What undoes the blur of drawing is not given light by the dark of a holdout beside it."""
+    color, depth = rgba(0.5 * np.ones(3, np.float32)), everywhere(WALL)
+    out = render(color, depth, (disc(80, 50, 25), everywhere(WALL + 0.02)))
+    assert out[..., :3].max() < 0.5 + 1e-4
+    assert out[..., :3].min() < 1e-3
+
+
 def test_what_a_holdout_hides_beside_its_edge_is_filled_behind_surfaces():
     """Behind the disc of a picture of one layer there is wall, and before that the holdout."""
     color, depth = one_layer()

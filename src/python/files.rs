@@ -220,6 +220,9 @@ pub fn read_exr(
     Pixmap::new(py, raster)
 }
 
+/// Colour and depth of layers.
+type DeepRgbd<'py> = (Bound<'py, PyArray4<f32>>, Bound<'py, PyArray3<f32>>);
+
 /// Layers of the samples of deep pixels: the number of samples of each pixel, and those of channels, all pixels one after
 /// another; at most so many layers of a window of the frame. Gives colour, shape (L, H, W, 4), and depth, shape (L, H, W).
 #[pyfunction]
@@ -230,7 +233,7 @@ pub fn layers_of_samples<'py>(
     channels: HashMap<String, PyReadonlyArray1<'py, f32>>,
     max_layers: usize,
     window: (i64, i64, i64, i64),
-) -> PyResult<(Bound<'py, PyArray4<f32>>, Bound<'py, PyArray3<f32>>)> {
+) -> PyResult<DeepRgbd<'py>> {
     let width = counts.shape()[1];
     let counts = counts.as_slice()?;
     let all: usize = counts.iter().map(|count| *count as usize).sum();
@@ -266,6 +269,9 @@ pub fn layers_of_samples<'py>(
 /// A window as (x, y, width, height).
 type WindowWords = (i32, i32, usize, usize);
 
+/// Numbers of samples, samples by channel, the data window and the display window.
+type DeepWords<'py> = (Bound<'py, PyArray2<u32>>, Bound<'py, PyDict>, WindowWords, WindowWords);
+
 /// The first deep part of an OpenEXR file that has a channel Z, if there is one: the number of samples of each pixel, the
 /// samples of those of some channels that it has, all pixels one after another, its data window and its display window.
 #[pyfunction]
@@ -273,7 +279,7 @@ pub fn read_deep_exr<'py>(
     py: Python<'py>,
     path: PathBuf,
     channels: Vec<String>,
-) -> PyResult<Option<(Bound<'py, PyArray2<u32>>, Bound<'py, PyDict>, WindowWords, WindowWords)>> {
+) -> PyResult<Option<DeepWords<'py>>> {
     let window = |w: openexr::Window| (w.x, w.y, w.width, w.height);
     let Some(deep) = py.detach(|| openexr::read_deep(&path, "Z", &channels))? else { return Ok(None) };
     let openexr::Deep { counts, channels, data_window, display_window } = deep;
