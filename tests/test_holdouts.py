@@ -58,6 +58,11 @@ def two_layers(lamps=0):
     return layers, np.stack([everywhere(NEAR), everywhere(WALL)])
 
 
+@pytest.fixture(params=["cpu", "gpu"])
+def device(request):
+    return "cpu" if request.param == "cpu" else request.getfixturevalue("gpu")
+
+
 PICTURES = [pytest.param(one_layer, id="one"), pytest.param(two_layers, id="two")]
 
 
@@ -210,21 +215,28 @@ def test_twice_the_light_is_twice_the_picture():
     assert np.array_equal(twice[..., 3], out[..., 3])
 
 
-def test_lamps_close_behind_a_holdout_are_hidden():
+@pytest.mark.parametrize("shift", [0.0, 0.02, 0.1])
+def test_lamps_close_behind_a_holdout_are_hidden(shift, device):
     """A holdout is no part of the surface that a lamp lies on, however close it is."""
-    color, depth = rgba(everywhere(0.1)[..., None] * np.ones(3, np.float32)), everywhere(WALL)
-    for x in range(40, 120, 16):
-        color[48, x, :3] = 500.0
-    out = render(color, depth, (np.float32(X > 20), everywhere(WALL + 0.01)))
-    assert out[:, 40:].max() < 1e-5
+    lamps = np.zeros((HEIGHT, WIDTH, 4), np.float32)
+    lamps[48, 40:120:16] = [500.0, 500.0, 500.0, 1.0]
+    layers = np.stack([lamps, rgba(0.1 * np.ones(3, np.float32))])
+    depths = np.stack([everywhere(NEAR), everywhere(WALL)])
+    assert render(layers, depths, device=device)[..., 0].max() > 1.0
+    cover = (everywhere(1.0), everywhere(NEAR + shift))
+    assert render(layers, depths, cover, device=device).max() < 1e-5
 
 
-def test_a_holdout_close_before_a_surface_adds_no_light():
-    """What undoes the blur of drawing is not given light by the dark of a holdout beside it."""
-    color, depth = rgba(0.5 * np.ones(3, np.float32)), everywhere(WALL)
-    out = render(color, depth, (disc(80, 50, 25), everywhere(WALL + 0.02)))
-    assert out[..., :3].max() < 0.5 + 1e-4
-    assert out[..., :3].min() < 1e-3
+@pytest.mark.parametrize("shift", [-0.02, 0.0, 0.02])
+def test_a_holdout_does_not_go_on_a_surface_beside_it(shift, device):
+    """What undoes the blur of drawing exchanges light along surfaces, and not with the dark of a holdout."""
+    there = np.float32(X < 80)
+    layers = np.stack([rgba(0.5 * np.ones(3, np.float32), there), rgba(np.zeros(3, np.float32))])
+    depths = np.stack([everywhere(NEAR), everywhere(WALL)])
+    out = render(layers, depths, (1 - there, everywhere(NEAR + shift)), device=device)
+    # Nine pixels from the edge, all of the lens sees the surface.
+    assert np.abs(out[:, :71, :3] - 0.5).max() < 1e-5
+    assert out[:, 90:].max() < 1e-5
 
 
 def test_what_a_holdout_hides_beside_its_edge_is_filled_behind_surfaces():
