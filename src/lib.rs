@@ -6,6 +6,7 @@ pub mod carried;
 pub mod clipped;
 pub mod color;
 mod cpu;
+pub mod deep;
 pub mod depth;
 pub mod device;
 pub mod error;

@@ -123,6 +123,8 @@ pub struct Picture {
     pub size: Size,
     /// One layer, or several whose last channel is coverage.
     pub layers: Vec<Layer>,
+    /// What blocks the light of what is behind it and is not seen itself, in any order. Its only channel is coverage.
+    pub holdouts: Arc<Vec<Layer>>,
     /// Coverage of pixels at edges of a picture of one layer, where it is known beside their colours; in the order of
     /// rows.
     pub edges: Arc<Vec<KnownCoverage>>,
@@ -131,6 +133,11 @@ pub struct Picture {
 }
 
 impl Picture {
+    /// These layers alone.
+    pub fn new(size: Size, layers: Vec<Layer>) -> Picture {
+        Picture { size, layers, holdouts: Arc::default(), edges: Arc::default(), carried: Arc::default() }
+    }
+
     /// Only these channels, and nothing that is carried.
     pub fn of_channels(&self, channels: &[usize]) -> Picture {
         let n = self.size.pixels();
@@ -141,6 +148,7 @@ impl Picture {
         Picture {
             size: Size { channels: channels.len(), ..self.size },
             layers: layers.collect(),
+            holdouts: Arc::clone(&self.holdouts),
             edges: Arc::clone(&self.edges),
             carried: Arc::default(),
         }
@@ -149,7 +157,7 @@ impl Picture {
     /// The same picture with the disparity `map(x, y, d)` in place of every disparity `d`.
     pub fn with_disparity(&self, map: impl Fn(f64, f64, f64) -> f64 + Sync) -> Picture {
         let width = self.size.width;
-        let layers = self.layers.iter().map(|layer| {
+        let mapped = |layer: &Layer| {
             let mut disparity = layer.disparity.clone();
             disparity.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
                 for (x, d) in row.iter_mut().enumerate() {
@@ -157,10 +165,11 @@ impl Picture {
                 }
             });
             Layer::new(Arc::clone(&layer.color), disparity)
-        });
+        };
         Picture {
             size: self.size,
-            layers: layers.collect(),
+            layers: self.layers.iter().map(mapped).collect(),
+            holdouts: Arc::new(self.holdouts.iter().map(mapped).collect()),
             edges: Arc::clone(&self.edges),
             carried: Arc::clone(&self.carried),
         }

@@ -12,7 +12,7 @@ STOREYS = [
     {"error", "cancel", "memory", "simd", "mirror"},
     {"picture", "rows"},
     {"carried", "noise"},
-    {"color", "depth", "optics", "aperture", "files", "refine", "clipped", "matte"},
+    {"color", "depth", "optics", "aperture", "files", "deep", "refine", "clipped", "matte"},
     {"scene"},
     {"plan", "views"},
     {"method"},

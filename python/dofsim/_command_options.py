@@ -200,6 +200,15 @@ Invalid = Annotated[
         rich_help_panel=_DEPTH,
     ),
 ]
+Holdout = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="A picture with depth and alpha (OpenEXR, flat or deep, or NPZ) that blocks the light of what "
+        "is behind it and is not seen itself. Its colour plays no part.",
+        rich_help_panel=_PICTURE,
+    ),
+]
 Layer = Annotated[
     str | None,
     typer.Option(
@@ -539,7 +548,17 @@ _OPTIONS = {
     for field in fields(group)
 } | {
     name: f"--{name.replace('_', '-')}"
-    for name in ("border", "limit", "nearest_m", "outputs", "profile", "quality", "sharp_radius_px", "slices")
+    for name in (
+        "border",
+        "holdout",
+        "limit",
+        "nearest_m",
+        "outputs",
+        "profile",
+        "quality",
+        "sharp_radius_px",
+        "slices",
+    )
 }
 _OPTIONS["scale"] = "--depth-scale"
 _OPTIONS["lens_file"] = "--lens"

@@ -31,6 +31,8 @@ __all__ = [
     "layers_from_views",
     "methods_available",
     "parse_profile",
+    "layers_of_samples",
+    "read_deep_exr",
     "read_exr",
     "read_raster",
     "refine_depth",
@@ -62,10 +64,12 @@ _ChannelKinds: TypeAlias = _ChannelKind | Sequence[_ChannelKind]
 _InvalidColor: TypeAlias = Literal["raise", "fill"]
 _Picture: TypeAlias = NDArray[np.floating[Any]] | NDArray[np.integer[Any]]
 _Pictures: TypeAlias = _Picture | Sequence[_Picture]
+_Holdout: TypeAlias = tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]]]
 _Pair: TypeAlias = tuple[float, float]
 _Path: TypeAlias = str | PathLike[str]
 _Transfer: TypeAlias = Literal["linear", "srgb"]
 _Triple: TypeAlias = tuple[float, float, float]
+_Window: TypeAlias = tuple[int, int, int, int]
 _Vignetting: TypeAlias = Literal["none", "optical", "natural", "full"]
 
 # The options of each method; None stands for one that is not given.
@@ -341,6 +345,7 @@ class Scene:
         color: NDArray[np.floating[Any]] | NDArray[np.integer[Any]],
         depth: NDArray[np.floating[Any]],
         *,
+        holdout: _Holdout | None = None,
         guide: _Picture | None = None,
         kinds: _ChannelKinds | None = None,
         device: _Device = "auto",
@@ -759,6 +764,7 @@ def render(
     depth: NDArray[np.floating[Any]],
     lens: Lens,
     *,
+    holdout: _Holdout | None = None,
     guide: _Picture | None = None,
     kinds: _ChannelKinds | None = None,
     method: Literal["lens"] = "lens",
@@ -968,6 +974,16 @@ def exr_parts(path: _Path) -> list[ExrPart]: ...
 def file_kind(path: _Path) -> Literal[
     "exr", "png", "jpeg", "webp", "bmp", "hdr", "tiff", "pfm", "npy", "npz"
 ]: ...
+def layers_of_samples(
+    counts: NDArray[np.uint32],
+    channels: dict[str, NDArray[np.float32]],
+    max_layers: int,
+    *,
+    window: _Window,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
+def read_deep_exr(
+    path: _Path, channels: list[str]
+) -> tuple[NDArray[np.uint32], dict[str, NDArray[np.float32]], _Window, _Window] | None: ...
 def read_exr(
     path: _Path, part: int, channels: list[str], *, data: bool, fill: float
 ) -> NDArray[np.float32]: ...

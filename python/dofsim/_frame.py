@@ -13,7 +13,7 @@ from ._dofsim import Aperture, Lens
 from ._exr import ExrFile
 from ._files import StrPath
 
-__all__ = ["WINDOWS", "Framed", "framed_values", "read_framed", "squeezed"]
+__all__ = ["WINDOWS", "Framed", "framed_values", "read_framed", "read_holdout", "squeezed"]
 
 WINDOWS: tuple[io.Window, ...] = get_args(io.Window)
 # Kinds of depth along a ray, whose angle depends on the aspect of pixels.
@@ -146,6 +146,43 @@ def read_framed(
         unused=margin - wanted,
         **words,
     )
+
+
+def read_holdout(
+    path: StrPath, picture: Framed, **words: Any
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Read a holdout of a picture: the alpha and the depth of a file that is laid out as that of the picture.
+
+    Parameters
+    ----------
+    path : str or path-like
+        A picture with depth and alpha.
+    picture : Framed
+        What it holds out.
+    **words
+        As for `read_framed`.
+
+    Returns
+    -------
+    tuple of ndarray of float32
+        Alpha and depth, as `dofsim.render` takes them.
+
+    Raises
+    ------
+    ValueError
+        If the file has no alpha, or other pixels than the picture.
+    """
+    framed = read_framed(path, None, **words)
+    image, depth = framed.rgbd.image, framed.rgbd.depth
+    if image.alpha == "none":
+        raise ValueError(f"{path}: a holdout needs alpha, and the picture in this file has none")
+    size, own = (f"{rgbd.depth.shape[-1]} x {rgbd.depth.shape[-2]}" for rgbd in (picture.rgbd, framed.rgbd))
+    if (own, framed.overscan) != (size, picture.overscan):
+        raise ValueError(
+            f"{path}: a holdout must have the pixels of the picture, {size} with a margin of "
+            f"{picture.overscan}; got {own} with a margin of {framed.overscan}"
+        )
+    return np.ascontiguousarray(image.to_linear()[..., -1]), depth
 
 
 def squeezed(

@@ -160,6 +160,7 @@ def render_command(
     aperture_options: options.ApertureOptions,
     depth_options: options.DepthOptions,
     render_options: options.RenderOptions,
+    holdout: options.Holdout = None,
     channels: options.Channels = None,
     kind: options.Kinds = None,
     dtype: options.SampleType = None,
@@ -173,16 +174,18 @@ def render_command(
     import numpy as np
 
     from . import io
-    from ._frame import read_framed, squeezed
+    from ._frame import read_framed, read_holdout, squeezed
     from ._report import Report
 
     _console.set_level(quiet=quiet, verbose=verbose)
-    _check_output(output, [image, depth, lens_options.lens_file])
+    _check_output(output, [image, depth, holdout, lens_options.lens_file])
     of_depth, reading = depth_options.read()
     chosen_passes = None
     if channels or kind:
         if profile:
             raise ValueError("--profile is of the GPU, and --channels is rendered on the CPU")
+        if holdout is not None:
+            raise ValueError("--holdout is for pictures, and --channels are rendered without holdouts")
         chosen_passes = _passes_of(image, channels or ["*"], kind or [], output, dtype)
     framed = read_framed(
         image,
@@ -209,6 +212,8 @@ def render_command(
         "alpha": "premultiplied" if has_alpha else "none",
         "transfer": "linear",
     }
+    if holdout is not None:
+        scene_words["holdout"] = read_holdout(holdout, framed, **render_options.framing(), **reading)
     scene: dofsim.Scene | None = None
     if render_options.refine_depth:
         with _console.patience(f"refining the depth of {image}"):

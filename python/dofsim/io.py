@@ -1,7 +1,7 @@
 """Pictures and depth maps from files and back: OpenEXR, PNG, TIFF, PFM, NPY and NPZ.
 
 Other kinds are read only, among them Sintel's depth and, with the extra ``hdf5``, HDF5.
-Deep OpenEXR files are read as layers, with the extra ``deep``.
+Deep OpenEXR files are read as layers.
 
 What kind of light a file holds follows from its type, unless the caller says otherwise:
 
@@ -375,8 +375,7 @@ def read_rgbd(
     window : {"display", "data"}, optional
         Which pixels of OpenEXR files.
     max_layers : int, optional
-        The most layers that the samples of a deep OpenEXR file are merged to, without loss of light; such
-        files need the extra ``deep``.
+        The most layers that the samples of a deep OpenEXR file are merged to, without loss of light.
     same_size : bool, optional
         Whether to refuse a picture and a depth of different sizes, which only `dofsim.refine_depth` and
         ``refine=True`` take.

@@ -13,6 +13,8 @@ struct Params {
     // The rows of the discs that this pass adds.
     first_row: u32,
     end_row: u32,
+    // The first cell of the front layer.
+    front: u32,
 }
 
 struct Tile {
@@ -70,7 +72,7 @@ fn convolved(at: vec2<i32>, kernel: Kernel) -> vec4<f32> {
         }
         for (var j = 0u; j < row.count; j++) {
             let x = u32(mirrored(at.x + partial_dx(row, j), i32(params.size.x)));
-            edges += partial_weight(row, j) * colors[y * params.size.x + x];
+            edges += partial_weight(row, j) * colors[params.front + y * params.size.x + x];
         }
     }
     return kernel.run_weight * runs + edges;
@@ -90,7 +92,7 @@ fn blurred(at: vec2<u32>, tile: Tile) -> vec4<f32> {
         return convolved(place, kernel_at(u32(tile.kernel)));
     }
     // Interpolates between two discs.
-    let p = position(shifts[at.y * params.size.x + at.x]);
+    let p = position(shifts[params.front + at.y * params.size.x + at.x]);
     let below = floor(p);
     let kernel = u32(i32(below) - params.first_step);
     var sum = (1.0 - (p - below)) * convolved(place, kernel_at(kernel));

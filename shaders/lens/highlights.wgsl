@@ -57,7 +57,7 @@ override CHANNELS: u32 = 3u;
 @group(0) @binding(5) var<storage, read> tiles: array<Tile>;
 // The indices of the highlights of each tile.
 @group(0) @binding(6) var<storage, read> lists: array<u32>;
-// The nearest code in each block of the padded frame.
+// The nearest code in each block of the padded frame; then for each layer whether it is a holdout.
 @group(0) @binding(7) var<storage, read> block_nearest: array<u32>;
 @group(0) @binding(8) var<storage, read_write> picture: array<f32>;
 
@@ -81,6 +81,12 @@ fn weight_at(kernel: Kernel, d: vec2<i32>) -> f32 {
         }
     }
     return 0.0;
+}
+
+// Whether a layer is a holdout, which is no part of a highlight's surface.
+fn is_holdout(layer: u32) -> bool {
+    let blocks = params.padded / u32(params.block);
+    return block_nearest[blocks.x * blocks.y + layer] != 0u;
 }
 
 // How much a cell of a span of depth, so many pixels away, is of the highlight's surface.
@@ -194,7 +200,7 @@ fn hidden_by(highlight: Highlight, path: Path, moved: vec2<i32>, k: i32) -> f32 
         let shares = max(vec2(1.0) - abs(offset), vec2<f32>());
         if shares.x * shares.y > 0.0 {
             var let_through = 0.0;
-            if any(moved != vec2(0)) {
+            if any(moved != vec2(0)) && !is_holdout(layer) {
                 let_through = is_same_surface(highlight, vec2(span.x, 65535u), f32(k));
                 let own_layer = highlight.farthest_and_layer >> 16u;
                 if layer != own_layer {

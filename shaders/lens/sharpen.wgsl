@@ -13,6 +13,8 @@ const DOWN: u32 = 2u;
 const EDGE: u32 = 4u;
 // The connectivity of a layer whose cells are not pixels of the picture.
 const NO_CONNECTIVITY: u32 = 128u;
+// The connectivity of a layer that is a holdout.
+const OF_HOLDOUT: u32 = 192u;
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(2) var<storage, read> shifts: array<f32>;
@@ -33,6 +35,11 @@ fn flow(kappa: f32, own: vec4<f32>, other: vec4<f32>) -> vec4<f32> {
     return max(min(wanted, most), -most);
 }
 
+// Whether two cells are both of holdouts or both not: one does not continue the other otherwise.
+fn are_alike(a: u32, b: u32) -> bool {
+    return (connectivity_of(a) == OF_HOLDOUT) == (connectivity_of(b) == OF_HOLDOUT);
+}
+
 // The cell that continues a cell's surface at pixel `q`; pixel `owner` stores the connection between both. If there
 // is no such cell, the cell itself.
 fn neighbour(layer: u32, own: u32, s: f32, q: u32, owner: u32, bit: u32) -> u32 {
@@ -50,8 +57,9 @@ fn neighbour(layer: u32, own: u32, s: f32, q: u32, owner: u32, bit: u32) -> u32 
         return beside;
     }
     for (var other = 0u; other < params.layers; other++) {
-        if other != layer && abs(shifts[other * pixels + q] - s) < params.connected_px {
-            return other * pixels + q;
+        let there = other * pixels + q;
+        if other != layer && abs(shifts[there] - s) < params.connected_px && are_alike(own, there) {
+            return there;
         }
     }
     return own;

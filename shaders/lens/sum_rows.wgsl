@@ -2,6 +2,8 @@
 
 struct Params {
     size: vec2<u32>,
+    // The first cell of the front layer.
+    front: u32,
 }
 
 const THREADS: u32 = 256u;
@@ -18,7 +20,7 @@ fn sum_rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_i
     let segment = (params.size.x + THREADS - 1u) / THREADS;
     let first = min(thread * segment, params.size.x);
     let end = min(first + segment, params.size.x);
-    let row = group.x * params.size.x;
+    let row = params.front + group.x * params.size.x;
     var total = vec4<f32>();
     for (var x = first; x < end; x++) {
         total += colors[row + x];

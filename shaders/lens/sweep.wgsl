@@ -16,6 +16,8 @@ struct Params {
     // The samples of each tile that this pass adds.
     first_sample: u32,
     end_sample: u32,
+    // The first cell of the picture's first layer.
+    front: u32,
 }
 
 // A tile, its samples, and the depths that occur within reach, one bit for each value of a code's high byte.
@@ -309,7 +311,7 @@ fn mean(sum: vec4<f32>, count: f32, pixel: u32) -> vec4<f32> {
         return sum / count;
     }
     // If no sample met a cell, the pixel keeps the colour of its own cell.
-    return drawn[pixel];
+    return drawn[params.front + pixel];
 }
 
 // 1 for each row that has a bit.

@@ -32,12 +32,7 @@ fn picture(width: usize, height: usize) -> Picture {
     let size = Size { width, height, channels: 3 };
     let value = |i: usize| ((i * 7919) % 1000) as f32 / 1000.0;
     let color = Arc::new((0..3 * size.pixels()).map(value).collect());
-    Picture {
-        size,
-        layers: vec![Layer::new(color, (0..size.pixels()).map(value).collect())],
-        edges: Arc::default(),
-        carried: Arc::default(),
-    }
+    Picture::new(size, vec![Layer::new(color, (0..size.pixels()).map(value).collect())])
 }
 
 fn taps() -> Method {

@@ -2,6 +2,7 @@
 
 use super::color::{ColorFormat, brighter_than_usual, color_shape, read_format, read_layer_color};
 use super::depth::read_depth;
+use super::holdout::Holdout;
 use super::invalid_color::{InvalidColor, InvalidPixels};
 use super::refine::{Refining, one_layer};
 use super::run::installed;
@@ -29,6 +30,8 @@ pub struct Input {
     depth: Vec<Buffer<f32>>,
     /// What refining has found of edges.
     edges: Arc<Vec<KnownCoverage>>,
+    /// What blocks its light.
+    pub holdout: Option<Holdout>,
 }
 
 impl Input {
@@ -83,7 +86,16 @@ impl Input {
         }
         let color = color.into_iter().map(Arc::new).collect();
         let filled_pixels = filled.map_or(0, |filled| filled.count);
-        Ok(Input { size: shape.size, format, brighter, filled_pixels, color, depth: planes.planes, edges })
+        Ok(Input {
+            size: shape.size,
+            format,
+            brighter,
+            filled_pixels,
+            color,
+            depth: planes.planes,
+            edges,
+            holdout: None,
+        })
     }
 
     /// The raw depth of each layer.
@@ -127,7 +139,14 @@ impl Input {
                 let disparity = installed(|| disparity_plane(&depth, size.width, kind, rays, invalid))??;
                 Ok(Layer::new(Arc::clone(color), disparity))
             })
-            .collect::<PyResult<_>>()?;
-        Ok(Picture { size, layers, edges: Arc::clone(&self.edges), carried: Arc::default() })
+            .collect::<PyResult<Vec<_>>>()?;
+        let holdout = self.holdout.as_ref();
+        let holdouts =
+            holdout.map_or(Ok(Vec::new()), |holdout| holdout.layers(size.width, kind, rays, invalid));
+        Ok(Picture {
+            holdouts: Arc::new(holdouts?),
+            edges: Arc::clone(&self.edges),
+            ..Picture::new(size, layers)
+        })
     }
 }

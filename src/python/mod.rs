@@ -10,6 +10,7 @@ mod depth;
 mod devices;
 mod errors;
 mod files;
+mod holdout;
 mod input;
 mod invalid_color;
 mod lens;
@@ -44,8 +45,8 @@ pub mod _dofsim {
     #[pymodule_export]
     use super::files::{
         Beside, ExrPart, decode_by_curves, decode_codes, encode_by_curves, encode_codes, encode_png,
-        exr_parts, file_kind, parse_profile, read_exr, read_raster, write_bytes, write_exr, write_pfm,
-        write_png, write_tiff,
+        exr_parts, file_kind, layers_of_samples, parse_profile, read_deep_exr, read_exr, read_raster,
+        write_bytes, write_exr, write_pfm, write_png, write_tiff,
     };
     #[pymodule_export]
     use super::lens::PyLens;

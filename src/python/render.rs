@@ -21,6 +21,11 @@ use std::time::Instant;
 ///     `depth_kind` says otherwise. Infinity is background.
 /// lens : Lens
 ///     The lens.
+/// holdout : tuple of ndarray, optional
+///     What blocks the light of what is behind it and is not seen itself: its alpha, 0 to 1, and its depth, both as floats
+///     of shape (H, W), or (L, H, W) in any order. It goes through the same lens as the picture: out of focus it blocks
+///     softly, by visibility for every lens point. What is blocked is missing in the picture's alpha, if it has one. Where a
+///     holdout is as far away as a surface, it is in front. For ``method="lens"``, without `guide` and `kinds`.
 /// guide : ndarray, optional
 ///     The picture that decides, shape (H, W) or (H, W, C) with 1 to 4 channels: what `color` is without it. `color` then
 ///     holds any number of channels of any meaning, as floats, each of which goes through the lens alone, by the same
@@ -174,7 +179,7 @@ use std::time::Instant;
 /// >>> dofsim.render(color, depth, lens).shape
 /// (48, 64, 3)
 #[pyfunction]
-#[pyo3(signature = (color, depth, lens, *, guide=None, kinds=None, method="lens", device="auto", aperture=None,
+#[pyo3(signature = (color, depth, lens, *, holdout=None, guide=None, kinds=None, method="lens", device="auto", aperture=None,
     depth_kind="z", near=None, far=None, depth_range=None, invalid="raise", invalid_color="raise", alpha=None, transfer=None,
     overscan=0, supersample=1, in_focus=None, max_coc_px=None, refine=false, threads=None, out=None, **options))]
 #[expect(clippy::too_many_arguments, reason = "the public function's own, keyword-only in Python")]
@@ -183,6 +188,7 @@ pub fn render<'py>(
     color: &Bound<'py, PyAny>,
     depth: &Bound<'py, PyAny>,
     lens: &PyLens,
+    holdout: Option<&Bound<'py, PyAny>>,
     guide: Option<&Bound<'py, PyAny>>,
     kinds: Option<&Bound<'py, PyAny>>,
     method: &str,
@@ -210,6 +216,7 @@ pub fn render<'py>(
     let scene = PyScene::new(
         color,
         depth,
+        holdout,
         guide,
         kinds,
         device,

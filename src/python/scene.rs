@@ -7,6 +7,7 @@ use super::color::ColorFormat;
 use super::depth::{DepthArguments, read_depth_arguments, read_depth_kind, read_invalid};
 use super::devices::read_device;
 use super::errors::DeviceError;
+use super::holdout::Holdout;
 use super::input::Input;
 use super::invalid_color::read_invalid_color;
 use super::lens::PyLens;
@@ -34,7 +35,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// ----------
 /// color, depth
 ///     As in `render`.
-/// guide, kinds, device, depth_kind, near, far, depth_range, invalid, invalid_color
+/// holdout, guide, kinds, device, depth_kind, near, far, depth_range, invalid, invalid_color
 ///     As in `render`.
 /// alpha, transfer, overscan, supersample, refine
 ///     As in `render`.
@@ -115,6 +116,9 @@ impl PyScene {
             if self.channels.is_some() {
                 carried::check(method, lens)?;
             }
+            if self.input.holdout.is_some() {
+                Holdout::check(method)?;
+            }
             method.check(lens, self.input.layers(), self.input.format.lights(size))?;
         }
         let geometry = self.grid.geometry(size);
@@ -151,12 +155,13 @@ impl PyScene {
 #[pymethods]
 impl PyScene {
     #[new]
-    #[pyo3(signature = (color, depth, *, guide=None, kinds=None, device="auto", depth_kind="z", near=None, far=None,
-        depth_range=None, invalid="raise", invalid_color="raise", alpha=None, transfer=None, overscan=0, supersample=1, refine=false))]
+    #[pyo3(signature = (color, depth, *, holdout=None, guide=None, kinds=None, device="auto", depth_kind="z", near=None,
+        far=None, depth_range=None, invalid="raise", invalid_color="raise", alpha=None, transfer=None, overscan=0, supersample=1, refine=false))]
     #[expect(clippy::too_many_arguments, reason = "the public constructor's own, keyword-only in Python")]
     pub fn new<'py>(
         color: &Bound<'py, PyAny>,
         depth: &Bound<'py, PyAny>,
+        holdout: Option<&Bound<'py, PyAny>>,
         guide: Option<&Bound<'py, PyAny>>,
         kinds: Option<&Bound<'py, PyAny>>,
         device: &str,
@@ -180,7 +185,13 @@ impl PyScene {
         let invalid_color = read_invalid_color(invalid_color)?;
         let read =
             |color: &Bound<'py, PyAny>| Input::read(color, depth, alpha, transfer, invalid_color, refining);
-        let input = channels.picture(color, read)?;
+        let mut input = channels.picture(color, read)?;
+        if holdout.is_some() && channels.any() {
+            return Err(PyValueError::new_err(
+                "holdout cannot be used with guide or kinds: channels are rendered without holdouts",
+            ));
+        }
+        input.holdout = holdout.map(|given| Holdout::read(given, input.size)).transpose()?;
         let channels = channels.read(color, &input)?;
         let grid = OutputGrid::new(input.size, overscan, supersample)?;
         let depth_arguments = (depth_kind.to_owned(), near, far, depth_range);

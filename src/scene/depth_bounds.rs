@@ -40,7 +40,7 @@ pub struct DepthBounds {
     pub occupied: Vec<DepthBits>,
     /// For each block: least and greatest code over all layers.
     pub range: Vec<(u16, u16)>,
-    /// For each block: how steep it is, in codes a pixel, if the block is one closed surface in the first layer.
+    /// For each block: how steep it is, in codes a pixel, if the block is one closed surface in the picture's first layer.
     pub smooth: Vec<Option<u16>>,
 }
 
@@ -97,12 +97,12 @@ fn steepness(spans: &DepthSpans, first: usize, stride: usize, (columns, rows): (
 }
 
 impl DepthBounds {
-    /// The blocks of the unpadded frame; `front` is its first layer.
+    /// The blocks of the unpadded frame; `front` is the number of the picture's first layer, and that layer.
     pub fn new(
         size: Size,
         depths: &[DepthSpans],
         codes: &DepthCodes,
-        front: &SceneLayer,
+        (first_layer, front): (usize, &SceneLayer),
         simd: Simd,
     ) -> DepthBounds {
         let codes_per_px = (1.0 / codes.step()) as u16;
@@ -124,7 +124,7 @@ impl DepthBounds {
                     },
                 );
                 // A smooth block has a cell at every pixel of the first layer and no cell in the others.
-                smooth &= if k == 0 { own.whole } else { own.range.1 == 0 };
+                smooth &= if k == first_layer { own.whole } else { own.range.1 == 0 };
                 if own.range.1 == 0 {
                     continue;
                 }
@@ -153,7 +153,7 @@ impl DepthBounds {
             let smooth = smooth.then(|| {
                 simd.run(
                     #[inline(always)]
-                    || steepness(&depths[0], first, size.width, extent),
+                    || steepness(&depths[first_layer], first, size.width, extent),
                 )
             });
             (occupied, range, smooth)

@@ -29,7 +29,8 @@ pub struct Cell {
     pub index: usize,
 }
 
-/// The neighbouring cells, at the four adjacent pixels, that continue the surface of `cell`.
+/// The neighbouring cells, at the four adjacent pixels, that continue the surface of `cell`. A holdout continues no
+/// surface that is seen, nor that a holdout.
 pub fn neighbours(layers: &[SceneLayer], size: Size, cell: Cell) -> impl Iterator<Item = Cell> + '_ {
     let (width, height) = (size.width, size.height);
     let (x, y, p) = (cell.index % width, cell.index / width, cell.index);
@@ -55,7 +56,10 @@ pub fn neighbours(layers: &[SceneLayer], size: Size, cell: Cell) -> impl Iterato
             return Some(Cell { layer: cell.layer, index: q });
         }
         let others = layers.iter().enumerate().filter(|(i, _)| *i != cell.layer);
-        others.filter(|(_, layer)| near(layer)).map(|(i, _)| Cell { layer: i, index: q }).next()
+        others
+            .filter(|(_, layer)| layer.role == own.role && near(layer))
+            .map(|(i, _)| Cell { layer: i, index: q })
+            .next()
     })
 }
 

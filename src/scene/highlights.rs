@@ -167,13 +167,13 @@ impl Bright {
     }
 }
 
-/// Finds the highlights of each layer.
-pub fn find(size: Size, layers: &[SceneLayer], simd: Simd) -> Vec<Vec<Bright>> {
+/// Finds the highlights of each layer; `front` is the number of the picture's first.
+pub fn find(size: Size, layers: &[SceneLayer], front: usize, simd: Simd) -> Vec<Vec<Bright>> {
     let lights = light_channels(size);
-    let front = BlockLight::new(size, &layers[0].colors, simd);
+    let (first, front) = (front, BlockLight::new(size, &layers[front].colors, simd));
     let of_layer = |(i, layer): (usize, &SceneLayer)| {
         // A layer given by the user has surroundings of its own: the layer in front may be dark, or almost absent.
-        let own = (i > 0 && !layer.colors.is_list()).then(|| BlockLight::new(size, &layer.colors, simd));
+        let own = (i > first && !layer.colors.is_list()).then(|| BlockLight::new(size, &layer.colors, simd));
         let limit = |b: usize| match &own {
             Some(own) => std::array::from_fn(|c| greater(own.limit[b][c], front.limit[b][c])),
             None => front.limit[b],

@@ -6,8 +6,19 @@ use crate::memory::Buffer;
 use std::ops::Range;
 use std::sync::Arc;
 
+/// What the cells of a layer do with light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// They send out their own and stop what comes from behind them.
+    Surface,
+    /// They only stop it. Their colours, coverage among them, are zero.
+    Holdout,
+}
+
 /// A layer holds at most one cell per pixel. The layers of single channels share everything but the colours.
 pub struct SceneLayer {
+    /// What all of its cells do with light.
+    pub role: Role,
     /// Shift of every cell relative to infinity, in pixels; NaN where there is no cell.
     pub s: Arc<Buffer<f32>>,
     /// Colour of every cell; zero where there is no cell.

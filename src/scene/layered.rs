@@ -14,8 +14,9 @@ use super::edges::{self, CONNECTED_PX, EDGE};
 use super::front_layer::FrontLayer;
 use super::half_plane::HalfPlane;
 use super::highlights::{self, Bright};
+use super::holdouts;
 use super::inpaint::{self, Hidden, SAME_SURFACE_PX};
-use super::layer::SceneLayer;
+use super::layer::{Role, SceneLayer};
 use super::matting::{MixedPixel, Separated, unmix};
 use super::recipe::Cargo;
 use crate::cancel::Cancel;
@@ -34,6 +35,10 @@ pub struct LayeredScene {
     pub size: Size,
     /// The layers themselves.
     pub layers: Vec<SceneLayer>,
+    /// The number of the picture's first layer; those before it are holdouts.
+    pub front: usize,
+    /// What the pinhole sees of the picture behind its holdouts, in planes. Without holdouts it sees the picture.
+    pub held: Option<Arc<Buffer<f32>>>,
     /// What a ray that meets no cell has met. If set, it is an unknown surface, and the other rays speak for it;
     /// otherwise it is empty space.
     pub opaque: bool,
@@ -50,14 +55,18 @@ pub struct LayeredScene {
 }
 
 impl LayeredScene {
-    fn new(size: Size, layers: Vec<SceneLayer>, opaque: bool, simd: Simd) -> LayeredScene {
+    fn new(picture: &Picture, Surfaces { layers, opaque }: Surfaces, simd: Simd) -> LayeredScene {
+        let size = picture.size;
+        let front = layers.iter().take_while(|layer| layer.role == Role::Holdout).count();
+        let held = holdouts::seen(picture, &layers).map(Arc::new);
         let shifts = depth_spans::shift_range(&layers);
         let codes = DepthCodes::new(shifts);
         let depths: Vec<_> =
             (0..layers.len()).map(|layer| DepthSpans::new(&layers, size, layer, &codes, simd)).collect();
-        let bounds = DepthBounds::new(size, &depths, &codes, &layers[0], simd);
+        let bounds = DepthBounds::new(size, &depths, &codes, (front, &layers[front]), simd);
         let (depths, bounds) = (Arc::new(depths), Arc::new(bounds));
-        LayeredScene { size, layers, opaque, shifts, codes, depths, bounds, bright: OnceLock::new() }
+        let bright = OnceLock::new();
+        LayeredScene { size, layers, front, held, opaque, shifts, codes, depths, bounds, bright }
     }
 
     /// The cells of each layer that are highlights.
@@ -65,14 +74,16 @@ impl LayeredScene {
         // The search is not done inside the lock: workers that wait for one another there could wait for themselves.
         let found = self.bright.get().map(Arc::clone);
         found.unwrap_or_else(|| {
-            let found = Arc::new(highlights::find(self.size, &self.layers, simd));
+            let found = Arc::new(highlights::find(self.size, &self.layers, self.front, simd));
             Arc::clone(self.bright.get_or_init(|| found))
         })
     }
 
     /// The same cells with only these channels of their colours, and without carried ones.
     pub fn of_channels(&self, channels: &[usize]) -> LayeredScene {
+        let n = self.size.pixels();
         let of = |layer: &SceneLayer| SceneLayer {
+            role: layer.role,
             s: Arc::clone(&layer.s),
             colors: layer.colors.of_channels(channels),
             carried: Vec::new(),
@@ -82,6 +93,11 @@ impl LayeredScene {
         LayeredScene {
             size: Size { channels: channels.len(), ..self.size },
             layers: self.layers.iter().map(of).collect(),
+            front: self.front,
+            held: self.held.as_ref().map(|held| {
+                let kept: Vec<_> = channels.iter().map(|&c| &held[c * n..][..n]).collect();
+                Arc::new(Buffer::concat(&kept))
+            }),
             opaque: self.opaque,
             shifts: self.shifts,
             codes: self.codes,
@@ -106,6 +122,7 @@ impl LayeredScene {
                 layer.connectivity[pixels.clone()].to_vec()
             };
             SceneLayer {
+                role: layer.role,
                 s: Arc::new(Buffer::from(&layer.s[pixels.clone()])),
                 colors: layer.colors.rows(pixels.clone(), size),
                 carried: Vec::new(),
@@ -120,6 +137,11 @@ impl LayeredScene {
         LayeredScene {
             size,
             layers: self.layers.iter().map(of).collect(),
+            front: self.front,
+            held: self.held.as_ref().map(|held| {
+                let kept = held.chunks(self.size.pixels()).map(|plane| &plane[pixels.clone()]);
+                Arc::new(Buffer::concat(&kept.collect::<Vec<_>>()))
+            }),
             opaque: self.opaque,
             shifts: self.shifts,
             codes: self.codes,
@@ -133,14 +155,38 @@ impl LayeredScene {
 /// The layers of a picture, whose first `lights` channels hold light, under a lens of strength `k` pixels per unit of
 /// disparity.
 pub fn build(picture: &Picture, lights: usize, k: f64, simd: Simd, cancel: &Cancel) -> Result<LayeredScene> {
-    match picture.layers.as_slice() {
+    let mut surfaces = match picture.layers.as_slice() {
         [layer] => from_one_layer(picture, layer, lights, k, simd, cancel),
         layers => from_layers(picture.size, lights, layers, k, simd, cancel),
-    }
+    }?;
+    let holdouts = picture.holdouts.iter().map(|holdout| {
+        cancel.check()?;
+        Ok(holdouts::Cells {
+            s: shifts_of_cells(holdout, &holdout.color, picture.size, k, simd),
+            partial: layer_half_planes(picture.size, &holdout.color),
+        })
+    });
+    let holdouts = holdouts.collect::<Result<Vec<_>>>()?;
+    surfaces.layers = holdouts::between(picture.size, surfaces.layers, surfaces.opaque, &holdouts);
+    Ok(LayeredScene::new(picture, surfaces, simd))
+}
+
+/// The layers of a picture alone.
+struct Surfaces {
+    layers: Vec<SceneLayer>,
+    /// See [`LayeredScene::opaque`].
+    opaque: bool,
 }
 
 fn scaled(disparity: &[f32], k: f64) -> Buffer<f32> {
     Buffer::of_each(disparity, |d| (k * f64::from(*d)) as f32)
+}
+
+/// The shifts of a layer's cells; NaN where it covers nothing.
+fn shifts_of_cells(layer: &Layer, coverage: &[f32], size: Size, k: f64, simd: Simd) -> Buffer<f32> {
+    let mut s = scaled(&layer.disparity, k);
+    s.iter_mut().zip(coverage).filter(|(_, a)| **a <= 0.0).for_each(|(s, _)| *s = f32::NAN);
+    without_noise(s, size, simd)
 }
 
 /// The layers of a picture of one layer: edges are unmixed, and the disocclusions behind them are inpainted.
@@ -154,7 +200,7 @@ fn from_one_layer(
     k: f64,
     simd: Simd,
     cancel: &Cancel,
-) -> Result<LayeredScene> {
+) -> Result<Surfaces> {
     let (size, groups) = (picture.size, &picture.carried[..]);
     let mut s = without_noise(scaled(&layer.disparity, k), size, simd);
     let connectivity = edges::connectivity(&s, size.width, size.height);
@@ -167,13 +213,14 @@ fn from_one_layer(
     let given = || groups.iter().map(|group| Colors::new(group.size, Arc::clone(&group.planes))).collect();
     if mixed.is_empty() {
         let front = SceneLayer {
+            role: Role::Surface,
             s: Arc::new(s),
             colors,
             carried: given(),
             partial: Arc::default(),
             connectivity: Arc::new(connectivity),
         };
-        return Ok(LayeredScene::new(size, vec![front], true, simd));
+        return Ok(Surfaces { layers: vec![front], opaque: true });
     }
     let partial = half_planes(&frame, &mixed);
     let values = carried::of_mixed(&frame, &mixed, groups);
@@ -185,13 +232,14 @@ fn from_one_layer(
     let of_groups = groups.iter().enumerate();
     back.carried = of_groups.map(|(g, group)| carried::behind(group, g, &mixed, &values, &hidden)).collect();
     let front = SceneLayer {
+        role: Role::Surface,
         s: Arc::new(s),
         colors: colors.with(front_colors),
         carried: carried::in_front(given(), &mixed, &values),
         partial: Arc::new(partial),
         connectivity: Arc::new(connectivity),
     };
-    Ok(LayeredScene::new(size, vec![front, back], true, simd))
+    Ok(Surfaces { layers: vec![front, back], opaque: true })
 }
 
 /// Gives mixed pixels the shifts of their surfaces in front. Returns these surfaces' colours, and the pixels that have both
@@ -272,6 +320,7 @@ fn layer_of_cells(size: Size, cells: impl Iterator<Item = (usize, f32, [f32; 4])
     });
     let colors = Colors::of_cells(size, colors.collect());
     SceneLayer {
+        role: Role::Surface,
         s: Arc::new(shifts),
         colors,
         carried: Vec::new(),
@@ -327,7 +376,7 @@ fn from_layers(
     k: f64,
     simd: Simd,
     cancel: &Cancel,
-) -> Result<LayeredScene> {
+) -> Result<Surfaces> {
     let n = size.pixels();
     let alpha = size.channels - 1;
     let mut built = layers
@@ -336,9 +385,7 @@ fn from_layers(
             cancel.check()?;
             let coverage = &layer.color[alpha * n..];
             let mut known = scaled(&layer.disparity, k);
-            let mut s = known.clone();
-            s.iter_mut().zip(coverage).filter(|(_, a)| **a <= 0.0).for_each(|(s, _)| *s = f32::NAN);
-            let s = without_noise(s, size, simd);
+            let s = shifts_of_cells(layer, coverage, size, k, simd);
             // Where there is no cell, the depth that is given for it tells whether a surface ends.
             known.iter_mut().zip(&*s).filter(|(_, s)| !s.is_nan()).for_each(|(known, s)| *known = *s);
             let connectivity = edges::connectivity(&known, size.width, size.height);
@@ -351,6 +398,7 @@ fn from_layers(
             let partial = layer_half_planes(size, coverage);
             let colors = Colors::new(size, Arc::new(color));
             Ok(SceneLayer {
+                role: Role::Surface,
                 s: Arc::new(s),
                 colors,
                 carried: Vec::new(),
@@ -376,7 +424,7 @@ fn from_layers(
     if !hidden.is_empty() {
         built.push(layer_of_cells(size, hidden.iter().map(|h| (h.index, h.s, h.color))));
     }
-    Ok(LayeredScene::new(size, built, opaque, simd))
+    Ok(Surfaces { layers: built, opaque })
 }
 
 /// What is hidden behind the last surface of each pixel: what the pinhole sees around it continues there, as behind a
@@ -485,14 +533,7 @@ mod tests {
     }
 
     fn built(layers: Vec<Layer>) -> LayeredScene {
-        build(
-            &Picture { size: SIZE, layers, edges: Arc::default(), carried: Arc::default() },
-            3,
-            1.0,
-            Simd::PORTABLE,
-            &Cancel::default(),
-        )
-        .unwrap()
+        build(&Picture::new(SIZE, layers), 3, 1.0, Simd::PORTABLE, &Cancel::default()).unwrap()
     }
 
     /// A bar of shift 12 before a wall, or before nothing.

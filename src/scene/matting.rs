@@ -436,6 +436,7 @@ pub fn unmix(frame: &FrontLayer, separated: Separated, cancel: &Cancel) -> Resul
 #[cfg(test)]
 mod tests {
     use super::super::colors::Colors;
+    use super::super::layer::Role;
     use super::*;
     use std::sync::Arc;
 
@@ -499,6 +500,7 @@ mod tests {
         let size = Size { width: 12, height: 7, channels: 1 };
         let hidden = |i: usize| if i % 12 < 5 { 0.0 } else { f32::NAN };
         let behind = [SceneLayer {
+            role: Role::Surface,
             s: Arc::new((0..84).map(hidden).collect()),
             colors: Colors::new(size, Arc::new((0..84).map(|_| 0.5).collect())),
             partial: Arc::default(),

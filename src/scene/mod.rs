@@ -2,7 +2,8 @@
 //!
 //! In the order of the work: [`depth_noise`] takes the noise out of the depths, [`edges`] finds depth discontinuities,
 //! [`matting`] separates the two surfaces of edge pixels of the [`front_layer`], [`inpaint`] fills the surfaces that the
-//! foreground hides, [`carried`] takes other channels the same way, and [`layered`] holds the result. [`depth_spans`] and
+//! foreground hides, [`carried`] takes other channels the same way, [`holdouts`] come between them, and [`layered`] holds
+//! the result. [`depth_spans`] and
 //! [`depth_bounds`] bound the depths that occur, and [`highlights`] finds the bright cells.
 
 pub(crate) mod carried;
@@ -16,6 +17,7 @@ pub(crate) mod front_layer;
 pub(crate) mod grid;
 pub(crate) mod half_plane;
 pub(crate) mod highlights;
+mod holdouts;
 mod inpaint;
 pub(crate) mod layer;
 pub(crate) mod layered;
@@ -26,7 +28,7 @@ use crate::cancel::Cancel;
 use crate::carried::Carried;
 use crate::error::{Result, value_error};
 use crate::optics::{DisparityMap, Optics};
-use crate::picture::{Picture, Size};
+use crate::picture::{Layer, Picture, Size};
 use crate::simd::Simd;
 use layered::LayeredScene;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -66,8 +68,8 @@ impl Scene {
     /// No lock is ever held over parallel work: a worker that waits inside it may be handed another render of the
     /// same scene, and would wait for itself.
     pub(crate) fn mapped(&self, map: &DisparityMap) -> Arc<Picture> {
-        let layers = &self.picture.layers;
-        if layers.iter().all(|layer| map.keeps(|| layer.disparity_range())) {
+        let mut layers = self.picture.layers.iter().chain(self.picture.holdouts.iter());
+        if layers.all(|layer| map.keeps(|| layer.disparity_range())) {
             return Arc::clone(&self.picture);
         }
         // A poisoned lock only means that another render was interrupted; its content is either whole or absent.
@@ -106,10 +108,23 @@ impl Scene {
 /// Refuses a lens whose largest circle of confusion exceeds [`MAX_RADIUS_PX`].
 fn check_radius(picture: &Picture, optics: &Optics) -> Result<()> {
     let too_large = |shift: &f64| shift.is_nan() || shift.abs() > MAX_RADIUS_PX;
-    if !picture.layers.iter().any(|layer| too_large(&optics.largest_radius_px(layer.disparity_range()))) {
-        return Ok(());
+    for (name, layers) in [("depth", &picture.layers[..]), ("depth of holdout", &picture.holdouts[..])] {
+        if layers.iter().any(|layer| too_large(&optics.largest_radius_px(layer.disparity_range()))) {
+            refuse(name, layers, picture.size, optics, too_large)?;
+        }
     }
-    let shifts = picture.layers.iter().flat_map(|layer| &layer.disparity[..]);
+    Ok(())
+}
+
+/// Refuses some layers, of whose shifts some may be too large.
+fn refuse(
+    name: &str,
+    layers: &[Layer],
+    size: Size,
+    optics: &Optics,
+    too_large: impl Fn(&f64) -> bool,
+) -> Result<()> {
+    let shifts = layers.iter().flat_map(|layer| &layer.disparity[..]);
     let shifts = shifts.map(|d| optics.shift_px(f64::from(*d)));
     let refused: Vec<(usize, f64)> = shifts.enumerate().filter(|(_, shift)| too_large(shift)).collect();
     let Some(&(first, shift)) = refused.first() else { return Ok(()) };
@@ -118,16 +133,15 @@ fn check_radius(picture: &Picture, optics: &Optics) -> Result<()> {
         near if near == refused.len() => "too near",
         _ => "too near or too far behind the focus",
     };
-    let Size { width, .. } = picture.size;
-    let place = first % picture.size.pixels();
+    let place = first % size.pixels();
     Err(value_error!(
-        "depth has {} of {} values that are {side} for this lens: their circles of confusion would have a radius of \
+        "{name} has {} of {} values that are {side} for this lens: their circles of confusion would have a radius of \
          more than {MAX_RADIUS_PX} px; the first, of {:.0} px, is at row {}, column {}. Pass max_coc_px to bound the \
          radius, use a smaller aperture, or correct these depths",
         refused.len(),
-        picture.layers.len() * picture.size.pixels(),
+        layers.len() * size.pixels(),
         shift.abs(),
-        place / width,
-        place % width
+        place / size.width,
+        place % size.width
     ))
 }

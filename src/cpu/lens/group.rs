@@ -31,7 +31,7 @@ pub enum Sharpening {
 pub struct Group<'a> {
     /// The frame with these channels.
     pub size: Size,
-    /// Planes of each layer, as they were given.
+    /// Planes of each layer, as they were given; behind holdouts those of what the pinhole sees.
     pub planes: Vec<&'a [f32]>,
     /// The colours of each layer without the light of highlights.
     pub dimmed: Vec<Colors>,
@@ -60,7 +60,10 @@ impl<'a> Group<'a> {
         let colors = |changes: &[Vec<CellColor>]| changed(scene.layers.iter().map(|l| &l.colors), changes);
         Group {
             size: picture.size,
-            planes: picture.layers.iter().map(|layer| &layer.color[..]).collect(),
+            planes: match &scene.held {
+                Some(held) => vec![&held[..]],
+                None => picture.layers.iter().map(|layer| &layer.color[..]).collect(),
+            },
             dimmed: colors(&highlights.dimmed),
             swept: highlights.swept.as_deref().map(colors),
             excess: highlights.all.iter().map(|highlight| highlight.excess).collect(),

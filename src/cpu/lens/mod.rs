@@ -97,7 +97,7 @@ pub fn render(
         cancel.check()?;
     }
 
-    let front = &scene.layers[0];
+    let front = &scene.layers[scene.front];
     let discs = tiles.par_iter().filter(|tile| tile.disc_share() > 0.0);
     let discs = discs.map(|tile| Surface::new(&front.s, size, s_focus, tile.origin));
     let surfaces: Vec<Surface> = discs.collect();
@@ -106,7 +106,7 @@ pub fn render(
     let kernels = Kernels::new(&settings.aperture, s_focus, keys, level, cancel)?;
     let gather = |group: &'_ Group| disc::Gather {
         size: group.size,
-        colors: group.dimmed[0].clone(),
+        colors: group.dimmed[scene.front].clone(),
         s: &front.s,
         s_focus,
         kernels: &kernels,

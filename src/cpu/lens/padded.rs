@@ -19,6 +19,8 @@ pub struct Padded {
     /// The largest shift, in front of the focus plane or behind it.
     pub reach_px: f64,
     pub layers: Vec<PaddedLayer>,
+    /// The number of the picture's first layer.
+    pub front: usize,
     /// Whether light passes through some cell.
     pub translucent: bool,
     pub bounds: DepthBounds,
@@ -44,7 +46,8 @@ impl Padded {
             .collect();
         let (windows, patches) = (padded_bounds::windows(&bounds), PatchBounds::new(&layers, &padding, simd));
         let translucent = layers.iter().any(|layer| layer.partial.translucent);
-        Padded { padding, codes: scene.codes, reach_px, layers, translucent, bounds, windows, patches }
+        let (codes, front) = (scene.codes, scene.front);
+        Padded { padding, codes, reach_px, layers, front, translucent, bounds, windows, patches }
     }
 
     /// Lays out the colours of all layers in all groups of channels, widened or sharpened to their footprint. Where they are

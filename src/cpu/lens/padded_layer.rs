@@ -6,7 +6,7 @@ use crate::scene::depth_bounds::DepthBounds;
 use crate::scene::depth_spans::DepthSpans;
 use crate::scene::grid::BLOCK;
 use crate::scene::half_plane::area_below;
-use crate::scene::layer::SceneLayer;
+use crate::scene::layer::{Role, SceneLayer};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -101,6 +101,7 @@ impl Present {
 
 /// One layer, padded. A cell spans the depth codes from `lo` to `hi`; both are 0 where there is no cell.
 pub struct PaddedLayer {
+    pub role: Role,
     pub lo: Buffer<u16>,
     pub hi: Buffer<u16>,
     /// Planes of the channels of all groups, one after another; defined only where there is a cell.
@@ -145,6 +146,7 @@ impl PaddedLayer {
             }
         });
         PaddedLayer {
+            role: layer.role,
             lo,
             hi,
             color: Vec::new(),

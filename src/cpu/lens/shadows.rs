@@ -14,6 +14,7 @@ use crate::plan::lens::highlights::{Cluster, Highlight, OTHER_SURFACE_PX, SAME_S
 use crate::rows::greater;
 use crate::scene::depth_bounds::any_bin;
 use crate::scene::grid::{BLOCK, TILE};
+use crate::scene::layer::Role;
 use std::cmp::Ordering;
 use std::ops::Range;
 
@@ -151,7 +152,9 @@ impl<'a> Shadows<'a> {
                     }
                     let own = &layers[self.layer];
                     let own = (layer != self.layer).then(|| [row(&own.lo), row(&own.hi)]);
-                    near &= !self.of_own_surface(spans[0], own, d);
+                    if planes.role == Role::Surface {
+                        near &= !self.of_own_surface(spans[0], own, d);
+                    }
                     while near != 0 {
                         let x = near.trailing_zeros();
                         near &= near - 1;
@@ -346,7 +349,7 @@ impl<'a> Shadows<'a> {
 
     /// The part of the light that a cell so many steps away lets through: it is of the highlight's surface.
     fn let_through(&self, cell: &Cell, steps: f32) -> f32 {
-        if cell.d == [0, 0] {
+        if cell.d == [0, 0] || self.padded.layers[cell.layer].role == Role::Holdout {
             return 0.0;
         }
         let nearer = self.is_same_surface([cell.lo, u16::MAX], steps);

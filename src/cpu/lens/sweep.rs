@@ -237,7 +237,7 @@ unsafe fn sweep_tile_of_groups<L: Lanes>(
                     let mut sums = [[[0.0; MOST]; C]; ROWS];
                     // SAFETY: per the function's contract.
                     unsafe { add_hits::<L, C>(color, stride, (&segments.met, &hits), base, &mut sums) };
-                    let own = std::array::from_fn(|c| &padded.layers[0].color[first + c][base..]);
+                    let own = std::array::from_fn(|c| &padded.layers[padded.front].color[first + c][base..]);
                     pixels.divide(&sums, own, stride, out);
                 });
             }
@@ -324,7 +324,7 @@ unsafe fn sweep_tile<L: Lanes, const C: usize>(
             unsafe {
                 sweep_rows::<L, C>(&layers, stride, segments, (x, y), base, &mut swept, |_, _| {});
             }
-            let own = std::array::from_fn(|c| &padded.layers[0].color[c][base..]);
+            let own = std::array::from_fn(|c| &padded.layers[padded.front].color[c][base..]);
             let pixels = Pixels::new(segments, &swept.missed, missed_rule, (x, y), L::CELLS);
             pixels.divide(&swept.sums, own, stride, out);
         },

@@ -4,10 +4,14 @@
 //! end with the call: a thread pool that outlives it would hang in a process forked afterwards, and Python's
 //! `multiprocessing` forks.
 
+mod deep;
+mod deep_header;
 mod error;
 mod parallel;
 mod read;
+mod unpack;
 mod write;
 
+pub use deep::{Deep, read_deep};
 pub use read::{Attributes, Part, View, Window, attributes, parts, read};
 pub use write::{Channel, Layer, Values, compression, write};

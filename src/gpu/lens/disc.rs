@@ -16,6 +16,8 @@ shared! {
     /// Parameters of the running sums.
     struct SumParams {
         size: [u32; 2],
+        front: u32,
+        _end: u32,
     }
 }
 
@@ -31,6 +33,8 @@ shared! {
         first_step: i32,
         first_row: u32,
         end_row: u32,
+        front: u32,
+        _end: u32,
     }
 }
 
@@ -55,10 +59,11 @@ pub fn pass(
         return Ok(());
     }
     let (size, channels) = (cells.size, cells.size.channels);
+    let front = (cells.front * size.pixels()) as u32;
     let sums = commands.scratch::<[f32; 4]>("the sums of rows", (size.width + 1) * size.height)?;
     let buffers = [Read(colors), Write(&sums)];
     let rows = [size.height as u32, 1, 1];
-    commands.pass(&SUM_ROWS, channels, &SumParams { size: pixels(size) }, &buffers, rows)?;
+    commands.pass(&SUM_ROWS, channels, &SumParams { size: pixels(size), front, _end: 0 }, &buffers, rows)?;
 
     let params = DiscParams {
         size: pixels(size),
@@ -70,6 +75,8 @@ pub fn pass(
         first_step: kernels.first_step,
         first_row: 0,
         end_row: 0,
+        front,
+        _end: 0,
     };
     let tile = |&(at, disc, share): &((usize, usize), Disc, f32)| {
         let kernel = match disc {

@@ -121,7 +121,8 @@ pub fn pass(
             _end: [0; 2],
         })
         .collect();
-    let nearest: Vec<u32> = plan.bounds.range.iter().map(|(_, nearest)| u32::from(*nearest)).collect();
+    let nearest = plan.bounds.range.iter().map(|(_, nearest)| u32::from(*nearest));
+    let nearest: Vec<u32> = nearest.chain(cells.holdouts.iter().copied()).collect();
     // The table of open parts is stored after the words of the discs.
     let (second_stop, open) = SecondStop::new(clip, aperture.lean(), kernels.words.len());
     let params = HighlightsParams {

@@ -48,7 +48,7 @@ impl Kernels {
         aperture: &Aperture,
         cancel: &Cancel,
     ) -> Result<Kernels> {
-        let s = &scene.layers[0].s;
+        let s = &scene.layers[scene.front].s;
         // A tile of one depth has exactly its own disc. Other tiles share discs, quantised to radius steps.
         let discs = plan.tiles.par_iter().filter(|tile| tile.disc_share() > 0.0);
         let of = |tile: &Tile| {

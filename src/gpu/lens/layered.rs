@@ -7,7 +7,7 @@ use crate::gpu::device::Gpu;
 use crate::gpu::shader::{Shader, shader, shared};
 use crate::memory;
 use crate::picture::Size;
-use crate::scene::layer::SceneLayer;
+use crate::scene::layer::{Role, SceneLayer};
 use crate::scene::layered::LayeredScene;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -26,6 +26,8 @@ shared! {
 pub const NOWHERE: f32 = 1e30;
 /// The connectivity of a layer that has none.
 pub const NO_CONNECTIVITY: u8 = 128;
+/// The connectivity of a layer that has none because it is a holdout.
+pub const OF_HOLDOUT: u8 = NO_CONNECTIVITY | 64;
 /// Number of values that one worker converts at a time.
 const CHUNK: usize = 1 << 14;
 
@@ -34,6 +36,10 @@ pub struct Cells {
     pub size: Size,
     /// Number of layers.
     pub layers: usize,
+    /// The number of the picture's first layer.
+    pub front: usize,
+    /// What the pinhole sees behind holdouts, if there are any, in planes.
+    pub held: Option<wgpu::Buffer>,
     /// Depth spans: the farthest code in the low half, the nearest in the high half.
     pub codes: wgpu::Buffer,
     pub shifts: wgpu::Buffer,
@@ -43,6 +49,8 @@ pub struct Cells {
     pub colors: wgpu::Buffer,
     /// For each cell 0, or one more than the index of its half-plane; then the half-planes, three words each.
     pub half_planes: wgpu::Buffer,
+    /// For each layer whether it is a holdout.
+    pub holdouts: Vec<u32>,
 }
 
 impl Cells {
@@ -62,10 +70,11 @@ impl Cells {
         let shifts = gpu.upload("the shifts of all cells", &shifts)?;
         let mut connectivity: Vec<u8> = Vec::with_capacity((n * scene.layers.len()).next_multiple_of(4));
         for layer in &scene.layers {
-            if layer.connectivity.is_empty() {
-                connectivity.resize(connectivity.len() + n, NO_CONNECTIVITY);
-            } else {
-                connectivity.extend_from_slice(&layer.connectivity);
+            let end = connectivity.len() + n;
+            match layer.role {
+                Role::Holdout => connectivity.resize(end, OF_HOLDOUT),
+                Role::Surface if layer.connectivity.is_empty() => connectivity.resize(end, NO_CONNECTIVITY),
+                Role::Surface => connectivity.extend_from_slice(&layer.connectivity),
             }
         }
         let connectivity = gpu.upload("the connectivity between cells", &connectivity)?;
@@ -73,7 +82,11 @@ impl Cells {
         scene.layers.iter().zip(colors.chunks_mut(n)).for_each(|(layer, out)| interleave(layer, size, out));
         let colors = gpu.upload("the colours of all cells", &colors)?;
         let half_planes = gpu.upload("the half-planes of all cells", &half_planes(&scene.layers, n))?;
-        Ok(Cells { size, layers: scene.layers.len(), codes, shifts, connectivity, colors, half_planes })
+        let held =
+            scene.held.as_ref().map(|held| gpu.upload("the picture behind holdouts", held)).transpose()?;
+        let (layers, front) = (scene.layers.len(), scene.front);
+        let holdouts = scene.layers.iter().map(|layer| u32::from(layer.role == Role::Holdout)).collect();
+        Ok(Cells { size, layers, front, held, codes, shifts, connectivity, colors, half_planes, holdouts })
     }
 
     /// The same cells with only one or two channels of their colours, for one job.
@@ -85,14 +98,21 @@ impl Cells {
         let [across, down, _] = groups(self.size.width, self.size.height);
         let buffers = [Read(&self.colors), Write(&colors)];
         commands.pass(&CHANNELS, NONE as usize, &params, &buffers, [across, down, self.layers as u32])?;
+        let held = match &self.held {
+            Some(held) => Some(planes_of(commands, held, self.size, channels)?),
+            None => None,
+        };
         Ok(Cells {
             size: Size { channels: channels.len(), ..self.size },
             layers: self.layers,
+            front: self.front,
+            held,
             codes: self.codes.clone(),
             shifts: self.shifts.clone(),
             connectivity: self.connectivity.clone(),
             colors,
             half_planes: self.half_planes.clone(),
+            holdouts: self.holdouts.clone(),
         })
     }
 
@@ -100,6 +120,21 @@ impl Cells {
     pub fn len(&self) -> usize {
         self.layers * self.size.pixels()
     }
+}
+
+/// These planes of a picture, for one job.
+fn planes_of(
+    commands: &mut Commands,
+    picture: &wgpu::Buffer,
+    size: Size,
+    channels: &[usize],
+) -> Result<wgpu::Buffer> {
+    let plane = size.pixels() * size_of::<f32>();
+    let some = commands.scratch::<f32>("some channels behind holdouts", channels.len() * size.pixels())?;
+    for (to, from) in channels.iter().enumerate() {
+        commands.copy_part(picture, from * plane, &some, to * plane, plane);
+    }
+    Ok(some)
 }
 
 /// Interleaves the channels of a layer's colours.

@@ -110,21 +110,20 @@ fn in_focus(commands: &mut Commands, picture: &GpuPicture, frame: &LensFrame) ->
     if origins.is_empty() {
         return Ok(());
     }
+    let (color, layers) = match &cells.held {
+        Some(held) => (held, 1),
+        None => (&picture.color, picture.layers),
+    };
     let params = InFocusParams {
         size: pixels(picture.size),
-        layers: picture.layers as u32,
+        layers: layers as u32,
         cell_layers: cells.layers as u32,
         loss_per_px2: plan.in_focus.loss_per_px2,
         s_focus: plan.s_focus as f32,
         _end: 0,
     };
     let tiles = commands.gpu.upload("the tiles in focus", &origins)?;
-    let buffers = [
-        Read(&picture.color),
-        Read(&picture.disparity),
-        Read(&tiles),
-        Read(&cells.shifts),
-        Write(frame.picture),
-    ];
+    let buffers =
+        [Read(color), Read(&picture.disparity), Read(&tiles), Read(&cells.shifts), Write(frame.picture)];
     commands.pass(&IN_FOCUS, picture.size.channels, &params, &buffers, per_pixel(origins.len()))
 }

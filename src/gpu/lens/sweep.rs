@@ -39,6 +39,7 @@ shared! {
         missed: u32,
         first_sample: u32,
         end_sample: u32,
+        front: u32,
     }
 }
 
@@ -191,6 +192,7 @@ pub fn pass(commands: &mut Commands, frame: &LensFrame, drawn: &wgpu::Buffer) ->
         missed: plan.missed as u32,
         first_sample: 0,
         end_sample: 0,
+        front: (cells.front * cells.size.pixels()) as u32,
     };
     let groups = [tiles.len() as u32, TILE.1.div_ceil(ROWS) as u32, 1];
     let traces = gpu.upload("the traces of the samples", &traces)?;

@@ -121,10 +121,11 @@ fn structures_lie_as_in_rust() {
 }
 
 /// Constants that both shaders and Rust state: a part of the shader's name, the constant, and Rust's value.
-const STATED_TWICE: [(&str, &str, f64); 16] = [
+const STATED_TWICE: [(&str, &str, f64); 17] = [
     ("levels/filter", "GROUP", GROUP as f64),
     ("lens/", "NOWHERE", lens::layered::NOWHERE as f64),
     ("lens/sharpen", "NO_CONNECTIVITY", lens::layered::NO_CONNECTIVITY as f64),
+    ("lens/sharpen", "OF_HOLDOUT", lens::layered::OF_HOLDOUT as f64),
     ("lens/sharpen", "RIGHT", edges::RIGHT as f64),
     ("lens/sharpen", "DOWN", edges::DOWN as f64),
     ("lens/sharpen", "EDGE", edges::EDGE as f64),

@@ -81,12 +81,7 @@ fn run(u: &mut Unstructured) -> std::result::Result<(), Refused> {
     }
     let dark = planes.iter().flat_map(|layer| layer.color.iter()).fold(0.0, |least: f32, v| least.min(*v));
 
-    let renderer = Renderer::new(
-        Picture { size, layers: planes, edges: Default::default(), carried: Default::default() },
-        lights,
-        None,
-        supersample,
-    );
+    let renderer = Renderer::new(Picture::new(size, planes), lights, None, supersample);
     let cancel = Cancel::default();
     let render = |simd: Simd| {
         let mut out = vec![f32::NAN; width * height * channels];
