@@ -17,6 +17,7 @@ __all__ = [
     "Lens",
     "Scene",
     "__version__",
+    "chosen_device",
     "coc",
     "decode_by_curves",
     "decode_codes",
@@ -27,6 +28,7 @@ __all__ = [
     "exr_parts",
     "file_kind",
     "focusable_pixels",
+    "lacking_for_gpu",
     "layers_from_matte",
     "layers_from_views",
     "methods_available",
@@ -129,6 +131,16 @@ class Device:
     def backend(self, /) -> str: ...
     @property
     def driver(self, /) -> str: ...
+    @property
+    def pci_bus_id(self, /) -> str: ...
+    @property
+    def visible(self, /) -> bool: ...
+    @property
+    def memory_bytes(self, /) -> int | None: ...
+    @property
+    def measures_time(self, /) -> bool: ...
+    @property
+    def blends_floats(self, /) -> bool: ...
     @property
     def max_buffer_bytes(self, /) -> int: ...
     @property
@@ -672,7 +684,9 @@ class ExrPart:
     @property
     def pixel_aspect(self, /) -> float: ...
 
+def chosen_device(name: str) -> str: ...
 def devices() -> list[Device]: ...
+def lacking_for_gpu() -> list[str]: ...
 def coc(
     depth: NDArray[np.floating[Any]],
     lens: Lens,

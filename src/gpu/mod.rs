@@ -1,8 +1,8 @@
 //! The GPU path, which carries the plans out on an adapter, through `wgpu` and the shaders in `shaders/`.
 //!
 //! A method is a file here that uploads its plan and runs a few passes, and a shader for each pass. [`adapters`]
-//! lists the adapters, [`device`] opens one of them, [`commands`] runs passes on it, and [`scene_cache`] keeps a
-//! scene there. [`render`] is the sequence of steps for a picture: [`bands`] splits frames that are too large;
+//! lists the adapters, of which [`visible`] leaves some, and [`machine`] says why there is none. [`device`] opens one
+//! of them, [`commands`] runs passes on it, and [`scene_cache`] keeps a scene there. [`render`] is the sequence of steps for a picture: [`bands`] splits frames that are too large;
 //! [`by_focus`], [`magnify`], [`falloff`] and [`resolve`] are the effects of a lens on whole pictures.
 
 pub mod adapters;
@@ -16,6 +16,7 @@ mod gaussian;
 mod hexagonal;
 mod lens;
 mod levels;
+pub mod machine;
 mod magnify;
 mod picture;
 mod poisson;
@@ -28,6 +29,7 @@ mod sprites;
 mod taps;
 #[cfg(test)]
 mod tests;
+pub mod visible;
 
 pub use commands::PassTime;
 pub use device::{Restrictions, restrict, uploaded_bytes};

@@ -1,7 +1,8 @@
 //! `dofsim.devices`, and the names of devices.
 
 use super::errors::choice;
-use crate::device::Device;
+use crate::device::{Device, without_gpu};
+use crate::gpu::visible::Visible;
 use crate::gpu::{self, Restrictions, adapters};
 use pyo3::prelude::*;
 
@@ -22,6 +23,16 @@ const VARIABLE: &str = "DOFSIM_DEVICE";
 ///     The interface that it is reached by.
 /// driver : str
 ///     Its driver.
+/// pci_bus_id : str
+///     Where it is on the PCI bus, like ``"0000:41:00.0"``; empty if the driver does not say.
+/// visible : bool
+///     Whether ``"auto"`` and ``"gpu"`` may choose it: the environment variable ``CUDA_VISIBLE_DEVICES`` does not hide it.
+/// memory_bytes : int or None
+///     Its memory, if the driver says so.
+/// measures_time : bool
+///     Whether `Scene.profile` has times.
+/// blends_floats : bool
+///     Whether ``"sprites"`` are drawn. Otherwise every pixel gathers them, which takes longer.
 /// max_buffer_bytes, max_binding_bytes : int
 ///     The largest buffer, and how much of one a pass can see.
 #[pyclass(name = "Device", module = "dofsim", frozen, eq, get_all)]
@@ -32,6 +43,11 @@ pub struct PyDevice {
     kind: &'static str,
     backend: String,
     driver: String,
+    pci_bus_id: String,
+    visible: bool,
+    memory_bytes: Option<u64>,
+    measures_time: bool,
+    blends_floats: bool,
     max_buffer_bytes: u64,
     max_binding_bytes: u64,
 }
@@ -58,12 +74,18 @@ impl PyDevice {
 #[pyfunction]
 pub fn devices(py: Python<'_>) -> Vec<PyDevice> {
     let all = py.detach(adapters::all);
+    let visible = Visible::here();
     let device = |(i, adapter): (usize, &adapters::Adapter)| PyDevice {
         id: format!("gpu:{i}"),
         name: adapter.name.clone(),
         kind: adapter.kind.name(),
         backend: adapter.backend.clone(),
         driver: adapter.driver.clone(),
+        pci_bus_id: adapter.pci_bus_id.clone(),
+        visible: adapter.place_in(&visible).is_some(),
+        memory_bytes: adapter.memory_bytes,
+        measures_time: adapter.measures_time,
+        blends_floats: adapter.blends_floats,
         max_buffer_bytes: adapter.max_buffer_bytes,
         max_binding_bytes: adapter.max_binding_bytes,
     };
@@ -74,6 +96,33 @@ pub fn devices(py: Python<'_>) -> Vec<PyDevice> {
 pub fn read_device(py: Python<'_>, name: &str) -> PyResult<Device> {
     let preset = std::env::var(VARIABLE).ok().filter(|preset| !preset.is_empty());
     Ok(py.detach(|| Device::named(name, preset.as_deref()))?)
+}
+
+/// The device that a name stands for here.
+///
+/// Parameters
+/// ----------
+/// name : str
+///     As given as `device`.
+///
+/// Returns
+/// -------
+/// str
+///     ``"cpu"``, or the ``id`` of one of `devices`.
+#[pyfunction]
+pub fn chosen_device(py: Python<'_>, name: &str) -> PyResult<String> {
+    Ok(read_device(py, name)?.id())
+}
+
+/// Why no GPU is chosen by itself, where that is so.
+///
+/// Returns
+/// -------
+/// list of str
+///     A sentence for each thing that this machine lacks, and for each GPU that the environment hides.
+#[pyfunction]
+pub fn lacking_for_gpu(py: Python<'_>) -> Vec<String> {
+    py.detach(|| without_gpu(&adapters::all()))
 }
 
 /// Open devices anew with no more than this, until the next call: for tests of what smaller devices do.
