@@ -331,13 +331,10 @@ fn left_out_at(rows: u32, own: vec2<u32>, row: u32) -> f32 {
 
 // The sum of earlier passes for a pixel.
 fn sum_at(rows: u32, own: vec2<u32>, row: u32) -> vec4<f32> {
-    var sum = vec4<f32>();
-    if (rows & (1u << row)) != 0u {
-        for (var c = 0u; c < CHANNELS; c++) {
-            sum[c] = picture[pixel_of(own, row) * CHANNELS + c];
-        }
+    if (rows & (1u << row)) == 0u {
+        return vec4<f32>();
     }
-    return sum;
+    return picture_at(pixel_of(own, row));
 }
 
 // Writes a pixel: the mean after the last sample, and the sum so far before it.

@@ -68,11 +68,7 @@ fn in_front(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let pixel = id.y * params.size.x + id.x;
-    var rest = vec4<f32>();
-    for (var c = 0u; c < CHANNELS; c++) {
-        rest[c] = picture[pixel * CHANNELS + c];
-    }
-    let value = over(id.xy, coc_of(pixel), light, rest);
+    let value = over(id.xy, coc_of(pixel), light, picture_at(pixel));
     for (var c = 0u; c < CHANNELS; c++) {
         picture[pixel * CHANNELS + c] = value[c];
     }

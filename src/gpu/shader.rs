@@ -90,4 +90,6 @@ impl From<crate::optics::Defocus> for Defocus {
 }
 
 #[cfg(all(test, feature = "test-shaders"))]
+mod portable_tests;
+#[cfg(all(test, feature = "test-shaders"))]
 mod tests;

@@ -18,7 +18,7 @@ use std::collections::BTreeMap;
 
 pub const SWEEP: Shader = shader!(
     "lens/sweep",
-    ["mirror", "lens/depth_spans", "lens/half_planes"],
+    ["mirror", "interleaved", "lens/depth_spans", "lens/half_planes"],
     [SweepParams, Tile, LensSample, Segment]
 );
 

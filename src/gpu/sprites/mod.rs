@@ -48,11 +48,14 @@ pub const BEHIND: Shader = shader!(
     ["mirror", "picture", "defocus", "sprites/circles", "sprites/light"],
     [Params, Defocus]
 );
-pub const REST: Shader =
-    shader!("sprites/rest", ["mirror", "picture", "defocus", "sprites/circles"], [Params, Defocus]);
+pub const REST: Shader = shader!(
+    "sprites/rest",
+    ["mirror", "picture", "interleaved", "defocus", "sprites/circles"],
+    [Params, Defocus]
+);
 pub const IN_FRONT: Shader = shader!(
     "sprites/in_front",
-    ["mirror", "picture", "defocus", "sprites/circles", "sprites/light"],
+    ["mirror", "picture", "interleaved", "defocus", "sprites/circles", "sprites/light"],
     [Params, Defocus]
 );
 
