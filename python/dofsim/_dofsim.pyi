@@ -21,6 +21,8 @@ __all__ = [
     "coc",
     "decode_by_curves",
     "decode_codes",
+    "device_bytes",
+    "device_submissions",
     "devices",
     "encode_by_curves",
     "encode_codes",
@@ -36,6 +38,7 @@ __all__ = [
     "read_exr",
     "read_raster",
     "refine_depth",
+    "release_devices",
     "render",
     "restore_highlights",
     "restrict_devices",
@@ -685,6 +688,8 @@ class ExrPart:
     def pixel_aspect(self, /) -> float: ...
 
 def chosen_device(name: str) -> str: ...
+def device_bytes() -> int: ...
+def device_submissions() -> tuple[int, float]: ...
 def devices() -> list[Device]: ...
 def lacking_for_gpu() -> list[str]: ...
 def coc(
@@ -961,8 +966,14 @@ def focusable_pixels(
     depth_range: _Pair | None = None,
 ) -> NDArray[np.int64]: ...
 def methods_available() -> list[str]: ...
+def release_devices() -> None: ...
 def restrict_devices(
-    *, max_binding_bytes: int | None = None, blending: Literal["float32", "none"] = "float32"
+    *,
+    max_binding_bytes: int | None = None,
+    memory_bytes: int | None = None,
+    room_bytes: int | None = None,
+    submission_s: float | None = None,
+    blending: Literal["float32", "none"] = "float32",
 ) -> None: ...
 def sensors() -> list[tuple[str, float, float]]: ...
 def simd_available() -> list[Literal["portable", "avx2", "avx512"]]: ...

@@ -16,6 +16,8 @@ struct Params {
     // The samples of each tile that this pass adds.
     first_sample: u32,
     end_sample: u32,
+    // The first tile of this pass.
+    first_tile: u32,
 }
 
 // A tile, its samples, and the depths that occur within reach, one bit for each value of a code's high byte.
@@ -360,7 +362,7 @@ fn sweep(
     @builtin(local_invocation_id) thread: vec3<u32>,
     @builtin(local_invocation_index) index: u32,
 ) {
-    let tile = group.x;
+    let tile = params.first_tile + group.x;
     let own = tiles[tile].origin + vec2(thread.x, ROWS * 4u * group.y + thread.y);
     place = vec2<i32>(own);
     if params.first_sample >= tiles[tile].samples {

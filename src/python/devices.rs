@@ -4,7 +4,9 @@ use super::errors::choice;
 use crate::device::{Device, without_gpu};
 use crate::gpu::visible::Visible;
 use crate::gpu::{self, Restrictions, adapters};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use std::time::Duration;
 
 /// The environment variable that determines the meaning of "auto" and "gpu".
 const VARIABLE: &str = "DOFSIM_DEVICE";
@@ -131,16 +133,74 @@ pub fn lacking_for_gpu(py: Python<'_>) -> Vec<String> {
 /// ----------
 /// max_binding_bytes : int, optional
 ///     How much of a buffer one pass can see; by default what the adapter allows.
+/// memory_bytes : int, optional
+///     The memory for which bands are planned; by default what the driver says.
+/// room_bytes : int, optional
+///     The memory beyond which nothing can be allocated.
+/// submission_s : float, optional
+///     The time that one submission should take.
 /// blending : {"float32", "none"}, optional
 ///     Whether floats of 32 bits are blended, where the adapter can (default), or not.
 #[pyfunction]
-#[pyo3(signature = (*, max_binding_bytes=None, blending="float32"))]
-pub fn restrict_devices(max_binding_bytes: Option<u64>, blending: &str) -> PyResult<()> {
+#[pyo3(signature = (*, max_binding_bytes=None, memory_bytes=None, room_bytes=None, submission_s=None,
+    blending="float32"))]
+pub fn restrict_devices(
+    max_binding_bytes: Option<u64>,
+    memory_bytes: Option<u64>,
+    room_bytes: Option<u64>,
+    submission_s: Option<f64>,
+    blending: &str,
+) -> PyResult<()> {
     let none = Restrictions::NONE;
     let without_blending = none.features.difference(wgpu::Features::FLOAT32_BLENDABLE);
     let features = choice("blending", blending, &[("float32", none.features), ("none", without_blending)])?;
-    gpu::restrict(Restrictions { most_bytes: max_binding_bytes.unwrap_or(none.most_bytes), features });
+    let submission = submission_s.map(Duration::try_from_secs_f64).transpose();
+    let submission = submission.map_err(|error| PyValueError::new_err(format!("submission_s: {error}")))?;
+    gpu::restrict(Restrictions {
+        most_bytes: max_binding_bytes.unwrap_or(none.most_bytes),
+        features,
+        memory_bytes,
+        room_bytes,
+        submission: submission.unwrap_or(none.submission),
+    });
     Ok(())
+}
+
+/// Give back the memory of devices in which nothing is kept.
+///
+/// A device keeps the memory of the last picture for the next one. It is given back after some seconds in which nothing is
+/// rendered, and by this function at once. What a `Scene` keeps on a device stays there as long as the scene.
+///
+/// Examples
+/// --------
+/// >>> import dofsim
+/// >>> dofsim.release_devices()
+#[pyfunction]
+pub fn release_devices(py: Python<'_>) {
+    py.detach(gpu::release);
+}
+
+/// How much memory the devices of this process have allocated.
+///
+/// Returns
+/// -------
+/// int
+///     Bytes; 0 where drivers cannot be asked.
+#[pyfunction]
+pub fn device_bytes(py: Python<'_>) -> u64 {
+    py.detach(gpu::allocated_bytes)
+}
+
+/// What was submitted to the devices that are open.
+///
+/// Returns
+/// -------
+/// tuple of int and float
+///     The number of submissions, and the seconds of the longest one whose end was waited for.
+#[pyfunction]
+pub fn device_submissions() -> (u64, f64) {
+    let measured = gpu::submissions();
+    (measured.submissions, measured.longest_s)
 }
 
 /// How much this process has taken to devices so far.

@@ -96,6 +96,8 @@ use std::time::Instant;
 ///     If an argument cannot be used; the text names it, its value and what is accepted.
 /// DeviceError
 ///     If the device cannot be used.
+/// MemoryError
+///     If the device has not enough memory.
 ///
 /// Notes
 /// -----
