@@ -973,6 +973,7 @@ def restrict_devices(
     memory_bytes: int | None = None,
     room_bytes: int | None = None,
     submission_s: float | None = None,
+    quotient: float | None = None,
     blending: Literal["float32", "none"] = "float32",
 ) -> None: ...
 def sensors() -> list[tuple[str, float, float]]: ...

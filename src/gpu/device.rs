@@ -3,8 +3,11 @@
 use super::adapters::{self, Adapter};
 use super::pace::{Measured, Pace, SUBMISSION, Submissions};
 use super::shader::Shader;
+#[cfg(feature = "test-shaders")]
+use super::shader::perturbed::perturbed;
 use crate::error::{Error, Result};
 use bytemuck::Pod;
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -59,6 +62,9 @@ pub struct Restrictions {
     pub room_bytes: Option<u64>,
     /// The time that a submission should take.
     pub submission: Duration,
+    /// The factor by which all quotients of shaders are off.
+    #[cfg(feature = "test-shaders")]
+    pub quotient: f32,
 }
 
 impl Restrictions {
@@ -69,6 +75,8 @@ impl Restrictions {
         memory_bytes: None,
         room_bytes: None,
         submission: SUBMISSION,
+        #[cfg(feature = "test-shaders")]
+        quotient: 1.0,
     };
 }
 
@@ -127,6 +135,19 @@ fn mebibytes(bytes: u64) -> u64 {
     bytes.div_ceil(1 << 20)
 }
 
+#[cfg(not(feature = "test-shaders"))]
+fn source(shader: &Shader) -> Cow<'static, str> {
+    shader.source.into()
+}
+
+#[cfg(feature = "test-shaders")]
+fn source(shader: &Shader) -> Cow<'static, str> {
+    match lock(&RESTRICTIONS).quotient {
+        1.0 => shader.source.into(),
+        factor => perturbed(shader.source, factor).into(),
+    }
+}
+
 impl Gpu {
     /// The adapter with index `adapter` in [`adapters::all`]. It is opened if it is not open yet or has failed.
     pub fn open(adapter: usize) -> Result<Arc<Gpu>> {
@@ -148,7 +169,7 @@ impl Gpu {
     }
 
     fn new(index: usize, adapter: &Adapter) -> Result<Gpu> {
-        let Restrictions { most_bytes, features, memory_bytes, room_bytes, submission } =
+        let Restrictions { most_bytes, features, memory_bytes, room_bytes, submission, .. } =
             *lock(&RESTRICTIONS);
         let mut limits = adapter.handle.limits();
         limits.max_storage_buffer_binding_size = limits.max_storage_buffer_binding_size.min(most_bytes);
@@ -366,7 +387,7 @@ impl Gpu {
 
     /// A shader, compiled.
     pub(super) fn module(&self, shader: &Shader) -> wgpu::ShaderModule {
-        let source = wgpu::ShaderSource::Wgsl(shader.source.into());
+        let source = wgpu::ShaderSource::Wgsl(source(shader));
         let descriptor = wgpu::ShaderModuleDescriptor { label: Some(shader.name), source };
         // With the counters that end endless loops, drivers would not unroll loops.
         let checks = wgpu::ShaderRuntimeChecks { force_loop_bounding: false, ..Default::default() };

@@ -139,16 +139,19 @@ pub fn lacking_for_gpu(py: Python<'_>) -> Vec<String> {
 ///     The memory beyond which nothing can be allocated.
 /// submission_s : float, optional
 ///     The time that one submission should take.
+/// quotient : float, optional
+///     A factor by which all quotients of shaders are off, in builds with the feature ``test-shaders``.
 /// blending : {"float32", "none"}, optional
 ///     Whether floats of 32 bits are blended, where the adapter can (default), or not.
 #[pyfunction]
-#[pyo3(signature = (*, max_binding_bytes=None, memory_bytes=None, room_bytes=None, submission_s=None,
+#[pyo3(signature = (*, max_binding_bytes=None, memory_bytes=None, room_bytes=None, submission_s=None, quotient=None,
     blending="float32"))]
 pub fn restrict_devices(
     max_binding_bytes: Option<u64>,
     memory_bytes: Option<u64>,
     room_bytes: Option<u64>,
     submission_s: Option<f64>,
+    quotient: Option<f32>,
     blending: &str,
 ) -> PyResult<()> {
     let none = Restrictions::NONE;
@@ -156,12 +159,20 @@ pub fn restrict_devices(
     let features = choice("blending", blending, &[("float32", none.features), ("none", without_blending)])?;
     let submission = submission_s.map(Duration::try_from_secs_f64).transpose();
     let submission = submission.map_err(|error| PyValueError::new_err(format!("submission_s: {error}")))?;
+    if let Some(quotient) = quotient.filter(|quotient| !quotient.is_finite()) {
+        return Err(PyValueError::new_err(format!("quotient must be finite; got {quotient}")));
+    }
+    if !cfg!(feature = "test-shaders") && quotient.is_some() {
+        return Err(PyValueError::new_err("quotient: dofsim was built without the feature test-shaders"));
+    }
     gpu::restrict(Restrictions {
         most_bytes: max_binding_bytes.unwrap_or(none.most_bytes),
         features,
         memory_bytes,
         room_bytes,
         submission: submission.unwrap_or(none.submission),
+        #[cfg(feature = "test-shaders")]
+        quotient: quotient.unwrap_or(none.quotient),
     });
     Ok(())
 }
