@@ -53,8 +53,8 @@ impl Requirements {
         let kept = channels * layers + size_of::<f32>() + self.kept_bytes_per_px;
         // The band before may still be there.
         let bands = if band.read.len() < size.height { 2 } else { 1 };
-        // Four on the device, for what is rendered may yet be magnified, cut out and averaged, and two that are transferred
-        // back.
+        // Four on the device, for what is rendered may yet be magnified, cut out and averaged, and two that are
+        // transferred back.
         let results = 6 * channels;
         Bytes {
             one: pixels * self.bytes_per_px.max(channels * layers),
@@ -88,8 +88,8 @@ pub struct Band {
 }
 
 /// The bands of a frame, from some row on, for a device that has no more than `most`; a band has a multiple of `step`
-/// rows. `source` maps rows of the output to the rows that the method renders for them. The error is what a band needs at
-/// least.
+/// rows. `source` maps rows of the output to the rows that the method renders for them. The error is what a band needs
+/// at least.
 pub fn split(
     most: Bytes,
     (size, layers): (Size, usize),

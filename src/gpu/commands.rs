@@ -76,8 +76,8 @@ pub struct Commands<'a> {
     pub(super) passes: Vec<&'static str>,
     /// Buffers that the next job may reuse.
     taken: Vec<wgpu::Buffer>,
-    /// Those that later passes of this job may reuse. Another job may not: its passes may run between two pieces of this
-    /// one.
+    /// Those that later passes of this job may reuse. Another job may not: its passes may run between two pieces of
+    /// this one.
     spare: Vec<wgpu::Buffer>,
 }
 

@@ -1,9 +1,9 @@
 //! The GPUs that `CUDA_VISIBLE_DEVICES` leaves to this process.
 //!
 //! The variable numbers GPUs as CUDA does, or has their UUIDs; adapters know their addresses on the PCI bus. NVIDIA's
-//! driver lists UUIDs and addresses of all GPUs in `/proc`, so UUIDs can be looked up. Numbers can be only if CUDA counts by
-//! address (`CUDA_DEVICE_ORDER=PCI_BUS_ID`) or there is one GPU: by default it counts the fastest first, by a rule
-//! that is not published.
+//! driver lists UUIDs and addresses of all GPUs in `/proc`, so UUIDs can be looked up. Numbers can be only if CUDA
+//! counts by address (`CUDA_DEVICE_ORDER=PCI_BUS_ID`) or there is one GPU: by default it counts the fastest first, by a
+//! rule that is not published.
 
 use std::path::Path;
 

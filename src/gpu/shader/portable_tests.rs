@@ -1,7 +1,7 @@
 //! What compilers of some platforms cannot do: nothing of it may occur in a shader.
 //!
-//! Direct3D's old compiler, FXC, unrolls a loop that writes a vector at a run-time index, or gives up. And an array in a
-//! function has a layout in SPIR-V that naga writes and Vulkan forbids.
+//! Direct3D's old compiler, FXC, unrolls a loop that writes a vector at a run-time index, or gives up. And an array in
+//! a function has a layout in SPIR-V that naga writes and Vulkan forbids.
 
 use super::tests::{SHADERS, validated};
 use naga::back::PipelineConstants;
