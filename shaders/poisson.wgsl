@@ -8,6 +8,8 @@ struct Params {
     centre: f32,
     max_radius_px: f32,
     rounding: f32,
+    // The first row of this pass.
+    top: u32,
     @align(16) shift: Defocus,
 }
 
@@ -89,11 +91,12 @@ fn averaged(at: vec2<i32>) -> vec4<f32> {
 
 @compute @workgroup_size(16, 16)
 fn poisson(@builtin(global_invocation_id) id: vec3<u32>) {
-    if any(id.xy >= params.size) {
+    let at = vec2(id.x, params.top + id.y);
+    if any(at >= params.size) {
         return;
     }
-    let value = averaged(vec2<i32>(id.xy));
+    let value = averaged(vec2<i32>(at));
     for (var c = 0u; c < CHANNELS; c++) {
-        picture[(id.y * params.size.x + id.x) * CHANNELS + c] = value[c];
+        picture[(at.y * params.size.x + at.x) * CHANNELS + c] = value[c];
     }
 }

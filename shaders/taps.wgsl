@@ -7,6 +7,8 @@ struct Params {
     mix: u32,
     share: f32,
     max_blur: f32,
+    // The first row of this pass.
+    top: u32,
     @align(16) defocus: Defocus,
 }
 
@@ -56,11 +58,12 @@ fn mixed(at: vec2<i32>) -> vec4<f32> {
 
 @compute @workgroup_size(16, 16)
 fn taps_pass(@builtin(global_invocation_id) id: vec3<u32>) {
-    if any(id.xy >= params.size) {
+    let at = vec2(id.x, params.top + id.y);
+    if any(at >= params.size) {
         return;
     }
-    let value = mixed(vec2<i32>(id.xy));
+    let value = mixed(vec2<i32>(at));
     for (var c = 0u; c < CHANNELS; c++) {
-        picture[(id.y * params.size.x + id.x) * CHANNELS + c] = value[c];
+        picture[(at.y * params.size.x + at.x) * CHANNELS + c] = value[c];
     }
 }

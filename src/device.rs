@@ -2,6 +2,8 @@
 
 use crate::error::{Error, Result, value_error};
 use crate::gpu::adapters::{self, Adapter, Kind};
+use crate::gpu::machine;
+use crate::gpu::visible::Visible;
 
 /// A device as a caller chose it. The numbers of adapters are their indices in [`adapters::all`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -13,6 +15,12 @@ pub enum Device {
 }
 
 impl Device {
+    /// The name under which it is given: that of an adapter has its number.
+    pub fn id(self) -> String {
+        let Device::Gpu(number) = self else { return "cpu".to_owned() };
+        format!("gpu:{number}")
+    }
+
     /// The device with this name. `preset`, from the environment, determines the meaning of "auto" and "gpu".
     pub fn named(name: &str, preset: Option<&str>) -> Result<Device> {
         match (name, preset) {
@@ -23,9 +31,9 @@ impl Device {
                  dofsim.devices() lists"
                     .to_owned(),
             )),
-            ("auto", None | Some("auto")) if !adapters::may_have_gpu() => Ok(Device::Cpu),
+            ("auto", None | Some("auto")) if !machine::may_have_gpu() => Ok(Device::Cpu),
             ("auto", None | Some("auto")) => {
-                Ok(adapters::best(&adapters::all()).map_or(Device::Cpu, Device::Gpu))
+                Ok(adapters::best(&adapters::all(), true).map_or(Device::Cpu, Device::Gpu))
             }
             ("gpu", None | Some("auto" | "gpu")) | ("auto", Some("gpu")) => {
                 gpu(&adapters::all()).map(Device::Gpu)
@@ -40,18 +48,31 @@ impl Device {
 
 /// The best GPU.
 fn gpu(adapters: &[Adapter]) -> Result<usize> {
-    adapters::best(adapters).ok_or_else(|| {
+    adapters::best(adapters, false).ok_or_else(|| {
         let software = adapters.iter().position(|adapter| adapter.kind == Kind::Software);
         let found = software.map_or(String::new(), |i| {
             let name = &adapters[i].name;
             format!(" There is a software rasteriser, {name:?}, which device=\"gpu:{i}\" uses.")
         });
-        Error::Device(format!(
-            "device=\"gpu\": no GPU was found.{found} A GPU needs its driver for Vulkan (on Debian and Ubuntu that is \
-             mesa-vulkan-drivers for AMD and Intel, and part of NVIDIA's own driver), Metal or Direct3D 12; \
-             device=\"cpu\" needs none"
-        ))
+        let why = without_gpu(adapters).join(" ");
+        Error::Device(format!("device=\"gpu\": no GPU was found. {why}{found} device=\"cpu\" needs none."))
     })
+}
+
+/// Why no GPU is taken, where that is so: what this machine lacks, and what `CUDA_VISIBLE_DEVICES` hides or is not
+/// heeded for.
+pub fn without_gpu(adapters: &[Adapter]) -> Vec<String> {
+    let visible = Visible::here();
+    let is_gpu = |(_, adapter): &(usize, &Adapter)| adapter.kind != Kind::Software;
+    let gpus: Vec<_> = adapters.iter().enumerate().filter(is_gpu).collect();
+    let mut why = if gpus.is_empty() { machine::missing() } else { Vec::new() };
+    for (i, adapter) in gpus.iter().filter(|(_, adapter)| adapter.place_in(&visible).is_none()) {
+        why.push(format!("CUDA_VISIBLE_DEVICES hides gpu:{i} ({}), unless it is named.", adapter.name));
+    }
+    if let Visible::Unknown(reason) = visible {
+        why.push(format!("{reason}."));
+    }
+    why
 }
 
 /// The adapter that a word denotes: by its number after "gpu:", its name, or a part of the name that no other has.

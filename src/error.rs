@@ -9,6 +9,9 @@ pub enum Error {
     /// The requested device cannot be used; the text says what to do.
     #[error("{0}")]
     Device(String),
+    /// The device has not enough memory.
+    #[error("{0}")]
+    Memory(String),
     /// The caller asked for the work to stop.
     #[error("the render was cancelled")]
     Cancelled,

@@ -1,5 +1,6 @@
 """Which devices there are, how they are named and chosen, and what is known of a render on one."""
 
+import os
 import re
 import subprocess
 import sys
@@ -8,7 +9,7 @@ from pathlib import Path
 import dofsim
 import numpy as np
 import pytest
-from both_devices import CASES, assert_agree, render, surfaces
+from both_devices import AGREEMENT, CASES, LENS_AGREEMENT, LENS_PSNR, assert_agree, render, surfaces
 from dofsim.cli import run
 
 
@@ -43,6 +44,9 @@ def test_devices_are_described(gpu):
         assert device.backend in {"vulkan", "metal", "dx12"}
         assert device.max_buffer_bytes >= device.max_binding_bytes >= 1 << 27
         assert device.name in repr(device)
+        assert device.visible
+        assert device.memory_bytes is None or device.memory_bytes >= device.max_binding_bytes
+        assert re.fullmatch(r"([0-9a-f]{4,8}:[0-9a-f]{2}:[0-9a-f]{2}\.[0-7])?", device.pci_bus_id)
 
 
 def test_devices_go_by_number_and_by_name(gpu):
@@ -97,6 +101,95 @@ def test_the_command_lists_devices(gpu, capsys):
     out = capsys.readouterr().out
     for device in dofsim.devices():
         assert f"{device.id}  {device.name}" in out
+
+
+def lines_of_devices(*words, **environment):
+    """Run `dofsim devices` in a process of its own."""
+    child = subprocess.run(
+        [sys.executable, "-m", "dofsim", "devices", *words],
+        capture_output=True,
+        text=True,
+        env=os.environ | {"DOFSIM_DEVICE": ""} | environment,
+    )
+    return child.returncode, child.stdout
+
+
+linux_only = pytest.mark.skipif(sys.platform != "linux", reason="drivers are found the Linux way")
+
+
+@linux_only
+def test_what_is_missing_is_said_by_the_command_and_by_the_error(tmp_path):
+    if any(device.kind != "software" for device in dofsim.devices()):
+        pytest.skip("there is a GPU")
+    # A loader that is no library: the system's own one is not looked for any more.
+    (tmp_path / "libvulkan.so.1").write_bytes(b"")
+    status, out = lines_of_devices(LD_LIBRARY_PATH=str(tmp_path), VK_DRIVER_FILES="/nowhere/driver.json")
+    assert status == 0
+    assert re.search(r"^Vulkan's loader cannot be loaded \(.*libvulkan.so.1.*: install libvulkan1", out, re.M)
+    assert 'VK_DRIVER_FILES names no driver that exists: "/nowhere/driver.json"' in out
+    assert "--device auto is the CPU: no discrete GPU is to be had." in out
+    code = "import dofsim, numpy as np; dofsim.Scene(np.ones((4, 4, 3)), np.ones((4, 4)), device='gpu')"
+    child = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        env=os.environ | {"DOFSIM_DEVICE": "", "VK_DRIVER_FILES": "/nowhere/driver.json"},
+    )
+    error = child.stderr.splitlines()[-1]
+    assert 'device="gpu": no GPU was found' in error
+    assert 'VK_DRIVER_FILES names no driver that exists: "/nowhere/driver.json"' in error
+    assert "Vulkan's loader" not in error
+
+
+def test_the_command_says_what_auto_is():
+    _, out = lines_of_devices(DOFSIM_DEVICE="cpu")
+    expected = "the CPU: the environment variable DOFSIM_DEVICE is 'cpu'"
+    assert out.splitlines()[-1] == f"--device auto is {expected}."
+    _, out = lines_of_devices()
+    discrete = [device.id for device in dofsim.devices() if device.kind == "discrete"]
+    expected = f"{discrete[0]}: a discrete GPU" if discrete else "the CPU: no discrete GPU is to be had"
+    assert out.splitlines()[-1] == f"--device auto is {expected}."
+
+
+def test_what_cuda_hides_cannot_always_be_known():
+    if any(device.kind != "software" for device in dofsim.devices()):
+        pytest.skip("there is a GPU")
+    _, out = lines_of_devices(CUDA_VISIBLE_DEVICES="MIG-1")
+    assert "CUDA_VISIBLE_DEVICES=MIG-1 is not heeded: parts of a GPU cannot be had through Vulkan." in out
+    _, out = lines_of_devices(CUDA_VISIBLE_DEVICES="")
+    assert "CUDA_VISIBLE_DEVICES" not in out
+
+
+def test_every_method_is_checked_on_every_adapter(gpu):
+    status, out = lines_of_devices("--check")
+    assert status == 0
+    for method in CASES:
+        found = re.findall(rf"^ +{method} +agrees with the CPU: largest difference (\S+) of", out, re.M)
+        assert len(found) == len(dofsim.devices())
+        assert all(float(difference) <= 2e-3 for difference in found)
+
+
+def test_a_device_that_differs_is_found_out(gpu, capsys, monkeypatch):
+    from dofsim import _device_check
+
+    assert _device_check.AGREEMENT == AGREEMENT
+    assert (_device_check.LENS_AGREEMENT, _device_check.LENS_PSNR) == (LENS_AGREEMENT, LENS_PSNR)
+    rendered = _device_check.rendered
+
+    def wrong(method, device):
+        picture = rendered(method, device)
+        if method == "taps" and device != "cpu":
+            picture[3, 5, 1] += 0.05
+        if method == "levels" and device != "cpu":
+            raise dofsim.DeviceError("the device was lost")
+        return picture
+
+    monkeypatch.setattr(_device_check, "rendered", wrong)
+    assert run(["devices", "--check"]) == 1
+    out = capsys.readouterr().out
+    assert re.search(r"^ +taps +DISAGREES with the CPU: largest difference 6.\de-03 .* 2e-04 all", out, re.M)
+    assert re.search(r"^ +levels +fails: the device was lost", out, re.M)
+    assert re.search(r"^ +lens +agrees", out, re.M)
 
 
 def test_the_benchmark_writes_its_table(gpu, tmp_path):

@@ -17,9 +17,12 @@ __all__ = [
     "Lens",
     "Scene",
     "__version__",
+    "chosen_device",
     "coc",
     "decode_by_curves",
     "decode_codes",
+    "device_bytes",
+    "device_submissions",
     "devices",
     "encode_by_curves",
     "encode_codes",
@@ -27,6 +30,7 @@ __all__ = [
     "exr_parts",
     "file_kind",
     "focusable_pixels",
+    "lacking_for_gpu",
     "layers_from_matte",
     "layers_from_views",
     "methods_available",
@@ -36,6 +40,7 @@ __all__ = [
     "read_exr",
     "read_raster",
     "refine_depth",
+    "release_devices",
     "render",
     "restore_highlights",
     "restrict_devices",
@@ -133,6 +138,16 @@ class Device:
     def backend(self, /) -> str: ...
     @property
     def driver(self, /) -> str: ...
+    @property
+    def pci_bus_id(self, /) -> str: ...
+    @property
+    def visible(self, /) -> bool: ...
+    @property
+    def memory_bytes(self, /) -> int | None: ...
+    @property
+    def measures_time(self, /) -> bool: ...
+    @property
+    def blends_floats(self, /) -> bool: ...
     @property
     def max_buffer_bytes(self, /) -> int: ...
     @property
@@ -677,7 +692,11 @@ class ExrPart:
     @property
     def pixel_aspect(self, /) -> float: ...
 
+def chosen_device(name: str) -> str: ...
+def device_bytes() -> int: ...
+def device_submissions() -> tuple[int, float]: ...
 def devices() -> list[Device]: ...
+def lacking_for_gpu() -> list[str]: ...
 def coc(
     depth: NDArray[np.floating[Any]],
     lens: Lens,
@@ -953,8 +972,15 @@ def focusable_pixels(
     depth_range: _Pair | None = None,
 ) -> NDArray[np.int64]: ...
 def methods_available() -> list[str]: ...
+def release_devices() -> None: ...
 def restrict_devices(
-    *, max_binding_bytes: int | None = None, blending: Literal["float32", "none"] = "float32"
+    *,
+    max_binding_bytes: int | None = None,
+    memory_bytes: int | None = None,
+    room_bytes: int | None = None,
+    submission_s: float | None = None,
+    quotient: float | None = None,
+    blending: Literal["float32", "none"] = "float32",
 ) -> None: ...
 def sensors() -> list[tuple[str, float, float]]: ...
 def simd_available() -> list[Literal["portable", "avx2", "avx512"]]: ...

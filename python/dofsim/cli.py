@@ -377,22 +377,35 @@ def compare_command(
 
 @app.command("devices", cls=Command)
 def devices_command(
+    check: Annotated[
+        bool,
+        typer.Option(
+            "--check",
+            help="Render a small frame by every method on each of them and compare it with the CPU. "
+            "If one differs, the exit status is 1.",
+        ),
+    ] = False,
     verbose: Annotated[
         bool, typer.Option("--verbose", "-v", help="Show also what the drivers print.")
     ] = False,
 ) -> None:
     """List the GPUs that can be computed on, besides the CPU."""
+    from . import _devices, _dofsim
+
     with _console.without_noise(verbose):
         found = dofsim.devices()
+        lacking = _dofsim.lacking_for_gpu()
+    all_agree = True
     for device in found:
-        mebibytes = device.max_binding_bytes // 2**20
-        print(f"{device.id}  {device.name}")
-        print(f"       {device.kind}, {device.backend}, {device.driver}")
-        print(f"       buffers of up to {mebibytes} MiB; larger frames are rendered in bands")
-        if device.kind == "software":
-            print(f"       computes on the CPU: used only if it is named (--device {device.id})")
-    if not found:
-        print("There is no GPU: no driver for Vulkan, Metal or Direct3D 12 is installed.")
+        _devices.describe(device)
+        all_agree &= not check or _devices.check(device, verbose=verbose)
+    if all(device.kind == "software" for device in found):
+        print("There is no GPU.")
+    for sentence in lacking:
+        print(sentence)
+    print(_devices.automatic())
+    if not all_agree:
+        raise typer.Exit(1)
 
 
 @app.command("help", cls=Command)

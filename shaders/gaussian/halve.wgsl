@@ -14,21 +14,30 @@ fn blurriness(pixel: u32) -> f32 {
     return min(abs(defocus_at(params.defocus, disparity[pixel])), 1.0);
 }
 
+// The sums of two pixels of a row.
+struct Pair {
+    color: vec4<f32>,
+    blurriness: f32,
+}
+
+fn pair_at(x: i32, y: i32) -> Pair {
+    let left = index_in(params.size, x, y);
+    let right = index_in(params.size, x + 1, y);
+    return Pair(
+        color_at(params.size, left) + color_at(params.size, right),
+        blurriness(left) + blurriness(right),
+    );
+}
+
 @compute @workgroup_size(16, 16)
 fn halve(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(id.xy >= params.half) {
         return;
     }
     let at = 2 * vec2<i32>(id.xy);
-    var row_color = array<vec4<f32>, 2>();
-    var row_blurriness = array<f32, 2>();
-    for (var j = 0; j < 2; j++) {
-        let left = index_in(params.size, at.x, at.y + j);
-        let right = index_in(params.size, at.x + 1, at.y + j);
-        row_color[j] = color_at(params.size, left) + color_at(params.size, right);
-        row_blurriness[j] = blurriness(left) + blurriness(right);
-    }
+    let above = pair_at(at.x, at.y);
+    let below = pair_at(at.x, at.y + 1);
     let texel = id.y * params.half.x + id.x;
-    half_color[texel] = 0.25 * (row_color[0] + row_color[1]);
-    half_blurriness[texel] = 0.25 * (row_blurriness[0] + row_blurriness[1]);
+    half_color[texel] = 0.25 * (above.color + below.color);
+    half_blurriness[texel] = 0.25 * (above.blurriness + below.blurriness);
 }

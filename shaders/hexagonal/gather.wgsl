@@ -21,10 +21,11 @@ fn rest_light(target_index: u32, at: vec2<i32>, coc: f32) -> Rest {
 
 @compute @workgroup_size(16, 16)
 fn gather(@builtin(global_invocation_id) id: vec3<u32>) {
-    if any(id.xy >= params.frame) {
+    let place = vec2(id.x, params.top + id.y);
+    if any(place >= params.frame) {
         return;
     }
-    let at = vec2<i32>(id.xy) - vec2<i32>(params.origin);
+    let at = vec2<i32>(place) - vec2<i32>(params.origin);
     let own = coc_of(index_in(params.size, at.x, at.y));
     let i = frame_index(at);
     var sums = Sums();

@@ -21,6 +21,8 @@ struct Params {
     // For each line: its first tap, the one after its last, and the index of its target.
     lines: array<vec4<u32>, 4>,
     max_coc_px: f32,
+    // The first row of this pass.
+    top: u32,
     @align(16) shift: Defocus,
 }
 

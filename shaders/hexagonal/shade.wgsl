@@ -48,11 +48,12 @@ fn over(sums: Sums, sharp: vec4<f32>, coc: f32) -> vec4<f32> {
 
 @compute @workgroup_size(16, 16)
 fn shade(@builtin(global_invocation_id) id: vec3<u32>) {
-    if any(id.xy >= params.size) {
+    let place = vec2(id.x, params.top + id.y);
+    if any(place >= params.size) {
         return;
     }
-    let at = vec2<i32>(id.xy);
-    let pixel = id.y * params.size.x + id.x;
+    let at = vec2<i32>(place);
+    let pixel = place.y * params.size.x + place.x;
     let own = coc_of(pixel);
     var sums = Sums();
     for (var line = 0u; line < params.count; line++) {

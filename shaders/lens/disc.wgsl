@@ -15,6 +15,8 @@ struct Params {
     end_row: u32,
     // The first cell of the front layer.
     front: u32,
+    // The first tile of this pass.
+    first_tile: u32,
 }
 
 struct Tile {
@@ -104,7 +106,7 @@ fn blurred(at: vec2<u32>, tile: Tile) -> vec4<f32> {
 
 @compute @workgroup_size(64, 4)
 fn disc(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) thread: vec3<u32>) {
-    let tile = tiles[group.x];
+    let tile = tiles[params.first_tile + group.x];
     let at = tile.origin + vec2(thread.x, 4u * group.y + thread.y);
     if any(at >= params.size) {
         return;

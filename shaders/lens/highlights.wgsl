@@ -16,6 +16,8 @@ struct Params {
     // The gaps up to which depth spans are on one surface, and from which on they are on two.
     same_surface_px: f32,
     other_surface_px: f32,
+    // The first tile of this pass.
+    first_tile: u32,
     @align(16) second_stop: SecondStop,
 }
 
@@ -292,7 +294,7 @@ fn light_at(at: vec2<i32>, tile: Tile) -> vec4<f32> {
 
 @compute @workgroup_size(64, 4)
 fn draw_highlights(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) thread: vec3<u32>) {
-    let tile = tiles[group.x];
+    let tile = tiles[params.first_tile + group.x];
     let at = tile.origin + vec2(thread.x, 4u * group.y + thread.y);
     if any(at >= params.size) {
         return;

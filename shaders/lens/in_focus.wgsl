@@ -8,6 +8,8 @@ struct Params {
     // The loss of contrast at a quarter of a cycle, to leading order, per squared pixel of shift, along each axis.
     loss_per_px2: vec2<f32>,
     s_focus: f32,
+    // The first tile of this pass.
+    first_tile: u32,
 }
 
 // Rounding of shifts moves a surface in focus by this loss of contrast at most, which is none.
@@ -48,7 +50,7 @@ fn weights_at(pixel: u32) -> vec2<f32> {
 
 @compute @workgroup_size(64, 4)
 fn in_focus(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) thread: vec3<u32>) {
-    let at = tiles[group.x] + vec2(thread.x, 4u * group.y + thread.y);
+    let at = tiles[params.first_tile + group.x] + vec2(thread.x, 4u * group.y + thread.y);
     if any(at >= params.size) {
         return;
     }

@@ -18,6 +18,8 @@ struct Params {
     end_sample: u32,
     // The first cell of the picture's first layer.
     front: u32,
+    // The first tile of this pass.
+    first_tile: u32,
 }
 
 // A tile, its samples, and the depths that occur within reach, one bit for each value of a code's high byte.
@@ -333,13 +335,10 @@ fn left_out_at(rows: u32, own: vec2<u32>, row: u32) -> f32 {
 
 // The sum of earlier passes for a pixel.
 fn sum_at(rows: u32, own: vec2<u32>, row: u32) -> vec4<f32> {
-    var sum = vec4<f32>();
-    if (rows & (1u << row)) != 0u {
-        for (var c = 0u; c < CHANNELS; c++) {
-            sum[c] = picture[pixel_of(own, row) * CHANNELS + c];
-        }
+    if (rows & (1u << row)) == 0u {
+        return vec4<f32>();
     }
-    return sum;
+    return picture_at(pixel_of(own, row));
 }
 
 // Writes a pixel: the mean after the last sample, and the sum so far before it.
@@ -365,7 +364,7 @@ fn sweep(
     @builtin(local_invocation_id) thread: vec3<u32>,
     @builtin(local_invocation_index) index: u32,
 ) {
-    let tile = group.x;
+    let tile = params.first_tile + group.x;
     let own = tiles[tile].origin + vec2(thread.x, ROWS * 4u * group.y + thread.y);
     place = vec2<i32>(own);
     if params.first_sample >= tiles[tile].samples {

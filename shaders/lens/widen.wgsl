@@ -27,27 +27,31 @@ fn wanted(s: f32) -> f32 {
     return clamp(left * (1.0 / params.per_weight), 0.0, params.max_weight);
 }
 
+// What a cell receives from its neighbour on one side.
+fn received(id: vec3<u32>, own: u32, own_wanted: f32, side: vec2<i32>) -> vec4<f32> {
+    let at = vec2<i32>(id.xy) + params.reach * side;
+    if any(at < vec2(0)) || any(at >= vec2<i32>(params.size)) {
+        return vec4<f32>();
+    }
+    let other = (id.z * params.size.y + u32(at.y)) * params.size.x + u32(at.x);
+    // The weight of two cells is the mean of what both want.
+    if abs(shifts[own] - shifts[other]) < params.connected_px * f32(params.reach) {
+        return 0.5 * (own_wanted + wanted(shifts[other])) * (colors[other] - colors[own]);
+    }
+    return vec4<f32>();
+}
+
 @compute @workgroup_size(16, 16)
 fn widen(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(id.xy >= params.size) {
         return;
     }
-    let layer = id.z * params.size.x * params.size.y;
-    let own = layer + id.y * params.size.x + id.x;
-    let s = shifts[own];
-    let own_wanted = wanted(s);
+    let own = (id.z * params.size.y + id.y) * params.size.x + id.x;
+    let own_wanted = wanted(shifts[own]);
     var color = colors[own];
-    let sides = array<vec2<i32>, 4>(vec2(1, 0), vec2(-1, 0), vec2(0, -1), vec2(0, 1));
-    for (var i = 0; i < 4; i++) {
-        let at = vec2<i32>(id.xy) + params.reach * sides[i];
-        if any(at < vec2(0)) || any(at >= vec2<i32>(params.size)) {
-            continue;
-        }
-        let other = layer + u32(at.y) * params.size.x + u32(at.x);
-        // The weight of two cells is the mean of what both want.
-        if abs(s - shifts[other]) < params.connected_px * f32(params.reach) {
-            color += 0.5 * (own_wanted + wanted(shifts[other])) * (colors[other] - colors[own]);
-        }
-    }
+    color += received(id, own, own_wanted, vec2(1, 0));
+    color += received(id, own, own_wanted, vec2(-1, 0));
+    color += received(id, own, own_wanted, vec2(0, -1));
+    color += received(id, own, own_wanted, vec2(0, 1));
     widened[own] = color;
 }

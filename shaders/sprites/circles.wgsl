@@ -19,6 +19,8 @@ struct Params {
     end_row: i32,
     threshold_px: f32,
     max_coc_px: f32,
+    // The first row of this pass, where one is cut.
+    top: u32,
     @align(16) shift: Defocus,
 }
 

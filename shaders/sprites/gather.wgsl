@@ -17,11 +17,12 @@ fn weight_of(place: vec2<i32>, pixel: u32, at: vec2<i32>) -> f32 {
 
 @compute @workgroup_size(16, 16)
 fn gather(@builtin(global_invocation_id) id: vec3<u32>) {
-    if any(id.xy >= params.half) {
+    let texel = vec2(id.x, params.top + id.y);
+    if any(texel >= params.half) {
         return;
     }
-    let at = vec2<i32>(id.xy);
-    let i = id.y * params.pitch + id.x;
+    let at = vec2<i32>(texel);
+    let i = texel.y * params.pitch + texel.x;
     var sum = vec4<f32>();
     var covered = 0.0;
     if params.first_row > -params.reach {

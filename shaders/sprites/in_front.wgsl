@@ -60,19 +60,16 @@ fn over(at: vec2<u32>, coc: f32, light: Light, rest: vec4<f32>) -> vec4<f32> {
 
 @compute @workgroup_size(16, 16)
 fn in_front(@builtin(global_invocation_id) id: vec3<u32>) {
-    if any(id.xy >= params.size) {
+    let at = vec2(id.x, params.top + id.y);
+    if any(at >= params.size) {
         return;
     }
-    let light = light_at(id.xy);
+    let light = light_at(at);
     if light.coverage <= 0.0 {
         return;
     }
-    let pixel = id.y * params.size.x + id.x;
-    var rest = vec4<f32>();
-    for (var c = 0u; c < CHANNELS; c++) {
-        rest[c] = picture[pixel * CHANNELS + c];
-    }
-    let value = over(id.xy, coc_of(pixel), light, rest);
+    let pixel = at.y * params.size.x + at.x;
+    let value = over(at, coc_of(pixel), light, picture_at(pixel));
     for (var c = 0u; c < CHANNELS; c++) {
         picture[pixel * CHANNELS + c] = value[c];
     }

@@ -17,11 +17,7 @@ var<workgroup> totals: array<Rest, 256>;
 fn rest_of(pixel: u32) -> Rest {
     let coc = coc_of(pixel);
     let seen = select(1.0, 1.0 - drawn(coc), coc < 0.0);
-    var color = vec4<f32>();
-    for (var c = 0u; c < CHANNELS; c++) {
-        color[c] = seen * picture[pixel * CHANNELS + c];
-    }
-    return Rest(color, seen);
+    return Rest(seen * picture_at(pixel), seen);
 }
 
 fn sum_of(a: Rest, b: Rest) -> Rest {

@@ -1,6 +1,8 @@
 //! Compute passes over buffers, run in sequence, and the transfer of the result.
 
 use super::device::{Gpu, lock};
+use super::idle;
+use super::pace::{Submission, Work};
 use super::shader::Shader;
 use crate::cancel::Cancel;
 use crate::error::Result;
@@ -12,16 +14,16 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 use wgpu::BufferUsages;
 
-/// The interval at which a wait checks for cancellation.
-const CANCEL_INTERVAL: Duration = Duration::from_millis(20);
 /// The largest number of passes that are timed; further passes run without timing.
-const MAX_TIMED: u32 = 64;
+const MAX_TIMED: u32 = 1024;
 /// Number of values that one worker copies at a time.
 const COPIED: usize = 1 << 18;
 /// Number of transfer buffers that are kept for pictures: while one is read, the next is filled.
 const MAX_SPARE_BACK: usize = 2;
 /// Side of the workgroups of passes over frames, in pixels.
 pub const GROUP: usize = 16;
+/// Number of invocations of a workgroup.
+const INVOCATIONS: f64 = 256.0;
 
 /// How long one pass took on a GPU.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,6 +50,10 @@ fn take(spare: &mut Vec<wgpu::Buffer>, bytes: usize, usage: BufferUsages) -> Opt
     Some(spare.swap_remove(fits))
 }
 
+fn encoder(gpu: &Gpu) -> wgpu::CommandEncoder {
+    gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
+}
+
 /// The size of a frame in the form that shaders use.
 pub fn pixels(size: Size) -> [u32; 2] {
     [size.width as u32, size.height as u32]
@@ -58,19 +64,25 @@ pub fn groups(width: usize, height: usize) -> [u32; 3] {
     [width.div_ceil(GROUP) as u32, height.div_ceil(GROUP) as u32, 1]
 }
 
-/// A sequence of passes that is being recorded.
+/// A sequence of passes that is being recorded. It is submitted in pieces: see [`pace`](super::pace).
 pub struct Commands<'a> {
     pub gpu: &'a Arc<Gpu>,
+    cancel: &'a Cancel,
     pub(super) encoder: wgpu::CommandEncoder,
+    /// What has been recorded since the last submission.
+    work: Work,
     /// The times of the beginning and the end of every pass, if the device can measure them.
     stamps: Option<wgpu::QuerySet>,
     pub(super) passes: Vec<&'static str>,
     /// Buffers that the next job may reuse.
     taken: Vec<wgpu::Buffer>,
+    /// Those that later passes of this job may reuse. Another job may not: its passes may run between two pieces of
+    /// this one.
+    spare: Vec<wgpu::Buffer>,
 }
 
 impl<'a> Commands<'a> {
-    pub fn new(gpu: &'a Arc<Gpu>) -> Commands<'a> {
+    pub fn new(gpu: &'a Arc<Gpu>, cancel: &'a Cancel) -> Commands<'a> {
         let keeps_time = gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
         let stamps = keeps_time.then(|| {
             gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
@@ -79,8 +91,9 @@ impl<'a> Commands<'a> {
                 count: 2 * MAX_TIMED,
             })
         });
-        let encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        Commands { gpu, encoder, stamps, passes: Vec::new(), taken: Vec::new() }
+        let (passes, taken, spare) = Default::default();
+        let (encoder, work) = (encoder(gpu), Work::default());
+        Commands { gpu, cancel, encoder, work, stamps, passes, taken, spare }
     }
 
     /// A buffer of `len` values that passes write and read. It may hold values of an earlier job; the device has
@@ -96,7 +109,8 @@ impl<'a> Commands<'a> {
     }
 
     fn reused(&mut self, what: &'static str, bytes: usize, usage: BufferUsages) -> Result<wgpu::Buffer> {
-        let spare = take(&mut lock(&self.gpu.spare), bytes, usage);
+        let own = take(&mut self.spare, bytes, usage);
+        let spare = own.or_else(|| take(&mut lock(&self.gpu.spare), bytes, usage));
         let buffer = spare.map_or_else(|| self.gpu.buffer(what, bytes, usage), Ok)?;
         self.taken.push(buffer.clone());
         Ok(buffer)
@@ -116,6 +130,20 @@ impl<'a> Commands<'a> {
         buffers: &[Bound],
         groups: [u32; 3],
     ) -> Result<()> {
+        let units = groups.into_iter().map(f64::from).product::<f64>() * INVOCATIONS;
+        self.long_pass(shader, channels, params, buffers, (groups, units))
+    }
+
+    /// The same for a pass of more units of work than it has invocations.
+    pub fn long_pass<P: Pod>(
+        &mut self,
+        shader: &Shader,
+        channels: usize,
+        params: &P,
+        buffers: &[Bound],
+        (groups, units): ([u32; 3], f64),
+    ) -> Result<()> {
+        self.begin(shader.name, units)?;
         let stages = wgpu::ShaderStages::COMPUTE;
         let (layout, bind_group) = self.bindings(shader.name, params, buffers, stages)?;
         let pipeline = self.gpu.pipeline(shader, channels, &layout);
@@ -132,6 +160,65 @@ impl<'a> Commands<'a> {
         pass.dispatch_workgroups(groups[0], groups[1], groups[2]);
         drop(pass);
         self.passes.push(shader.name);
+        Ok(())
+    }
+
+    /// Runs a shader on tiles, in as many passes as keep submissions short. `units` is the work for each tile, and
+    /// `params` makes the parameters of a pass that begins with a tile; each tile has `rows` workgroups.
+    pub fn tiles<P: Pod>(
+        &mut self,
+        shader: &Shader,
+        channels: usize,
+        params: impl Fn(u32) -> P,
+        buffers: &[Bound],
+        (units, rows): (&[f64], u32),
+    ) -> Result<()> {
+        let mut first = 0;
+        while first < units.len() {
+            let count = self.next_part(shader, &units[first..]);
+            let work = ([count as u32, rows, 1], units[first..first + count].iter().sum());
+            self.long_pass(shader, channels, &params(first as u32), buffers, work)?;
+            first += count;
+        }
+        Ok(())
+    }
+
+    /// The same for the rows of a frame: its width and height, and the work for each pixel. `params` makes the
+    /// parameters of a pass that begins with a row.
+    pub fn rows<P: Pod>(
+        &mut self,
+        shader: &Shader,
+        channels: usize,
+        params: impl Fn(u32) -> P,
+        buffers: &[Bound],
+        (width, height, per_px): (usize, usize, usize),
+    ) -> Result<()> {
+        let [across, down, _] = groups(width, height);
+        let units = f64::from(across) * INVOCATIONS * per_px as f64;
+        let units = vec![units; down as usize];
+        let mut first = 0;
+        while first < units.len() {
+            let count = self.next_part(shader, &units[first..]);
+            let work = ([across, count as u32, 1], units[first..first + count].iter().sum());
+            self.long_pass(shader, channels, &params((GROUP * first) as u32), buffers, work)?;
+            first += count;
+        }
+        Ok(())
+    }
+
+    /// The number of items that the next pass works on, by what is known by then.
+    fn next_part(&self, shader: &Shader, units: &[f64]) -> usize {
+        lock(&self.gpu.pace).items(shader.name, units, self.gpu.submission)
+    }
+
+    /// Makes room for a pass, and counts its work.
+    pub(super) fn begin(&mut self, shader: &'static str, units: f64) -> Result<()> {
+        if !lock(&self.gpu.pace).fits(&self.work, shader, units, self.gpu.submission) {
+            let recorded = std::mem::replace(&mut self.encoder, encoder(self.gpu));
+            let work = std::mem::take(&mut self.work);
+            self.gpu.submit(recorded, work, self.cancel)?;
+        }
+        lock(&self.gpu.pace).add(&mut self.work, shader, units);
         Ok(())
     }
 
@@ -207,7 +294,7 @@ impl<'a> Commands<'a> {
     /// Lets later passes reuse the buffers that were handed out since a mark. This is safe because passes run in
     /// sequence.
     pub fn recycle(&mut self, mark: usize) {
-        lock(&self.gpu.spare).extend(self.taken.drain(mark..));
+        self.spare.extend(self.taken.drain(mark..));
     }
 
     /// Submits the passes. Afterwards `output` is transferred back.
@@ -232,8 +319,10 @@ impl<'a> Commands<'a> {
             }
             _ => None,
         };
-        let submission = gpu.queue.submit([self.encoder.finish()]);
+        let submission = gpu.submit(self.encoder, self.work, self.cancel)?;
+        self.taken.append(&mut self.spare);
         *lock(&gpu.spare) = self.taken;
+        idle::watch(gpu);
         Ok(Pending {
             gpu: Arc::clone(gpu),
             submission,
@@ -286,7 +375,7 @@ impl Mapped {
 /// Submitted passes that are running.
 pub struct Pending {
     gpu: Arc<Gpu>,
-    submission: wgpu::SubmissionIndex,
+    submission: Submission,
     values: Mapped,
     stamps: Option<Mapped>,
     passes: Vec<&'static str>,
@@ -296,15 +385,7 @@ impl Pending {
     /// Waits for the passes to end. The result is written to `out`, which has its size.
     pub fn wait(self, cancel: &Cancel, out: &mut [f32]) -> Result<Vec<PassTime>> {
         let gpu = &self.gpu;
-        loop {
-            let submission_index = Some(self.submission.clone());
-            let wait = wgpu::PollType::Wait { submission_index, timeout: Some(CANCEL_INTERVAL) };
-            match gpu.device.poll(wait) {
-                Ok(_) => break,
-                Err(wgpu::PollError::Timeout) => cancel.check()?,
-                Err(error) => return Err(gpu.error(error)),
-            }
-        }
+        gpu.wait(&self.submission, cancel)?;
         self.values.read(gpu, |bytes| {
             let source: &[f32] = bytemuck::cast_slice(bytes);
             out.par_chunks_mut(COPIED)
@@ -326,6 +407,9 @@ impl Pending {
         let mut spare = lock(&gpu.spare_back);
         spare.truncate(MAX_SPARE_BACK - 1);
         spare.insert(0, self.values.buffer);
+        drop(spare);
+        // The device was busy until now.
+        idle::watch(gpu);
         Ok(passes)
     }
 }

@@ -1,12 +1,17 @@
 //! An open adapter: its buffers, pipelines and errors.
 
 use super::adapters::{self, Adapter};
+use super::pace::{Measured, Pace, SUBMISSION, Submissions};
 use super::shader::Shader;
+#[cfg(feature = "test-shaders")]
+use super::shader::perturbed::perturbed;
 use crate::error::{Error, Result};
 use bytemuck::Pod;
+use std::borrow::Cow;
 use std::collections::HashMap;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 /// The open devices by process and adapter.
 type Open = HashMap<(u32, usize), Arc<Gpu>>;
@@ -20,6 +25,17 @@ pub struct Gpu {
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
     pub(super) limits: wgpu::Limits,
+    /// The memory that it has, or is said to have.
+    memory_bytes: Option<u64>,
+    /// The memory that it lets be used, in tests of what happens without.
+    room_bytes: Option<u64>,
+    /// The time that a submission should take.
+    pub(super) submission: Duration,
+    pub(super) pace: Mutex<Pace>,
+    pub(super) submissions: Mutex<Submissions>,
+    /// When it was last used, and whether a thread looks at that.
+    last_used: Mutex<Instant>,
+    pub(super) is_watched: AtomicBool,
     pipelines: Mutex<Pipelines<wgpu::ComputePipeline>>,
     pub(super) draws: Mutex<Pipelines<wgpu::RenderPipeline>>,
     /// Buffers of the last job that the next job may reuse.
@@ -40,6 +56,15 @@ pub struct Restrictions {
     pub most_bytes: u64,
     /// The optional features that they may use.
     pub features: wgpu::Features,
+    /// The memory for which bands are planned.
+    pub memory_bytes: Option<u64>,
+    /// The memory beyond which nothing can be allocated.
+    pub room_bytes: Option<u64>,
+    /// The time that a submission should take.
+    pub submission: Duration,
+    /// The factor by which all quotients of shaders are off.
+    #[cfg(feature = "test-shaders")]
+    pub quotient: f32,
 }
 
 impl Restrictions {
@@ -47,6 +72,11 @@ impl Restrictions {
     pub const NONE: Restrictions = Restrictions {
         most_bytes: u64::MAX,
         features: wgpu::Features::TIMESTAMP_QUERY.union(wgpu::Features::FLOAT32_BLENDABLE),
+        memory_bytes: None,
+        room_bytes: None,
+        submission: SUBMISSION,
+        #[cfg(feature = "test-shaders")]
+        quotient: 1.0,
     };
 }
 
@@ -69,6 +99,33 @@ pub fn uploaded_bytes() -> u64 {
     UPLOADED.load(Ordering::Relaxed)
 }
 
+/// The devices of this process that are open.
+fn open() -> Vec<Arc<Gpu>> {
+    let process = std::process::id();
+    let open = lock(&OPEN);
+    open.iter().flatten().filter(|((of, _), _)| *of == process).map(|(_, gpu)| Arc::clone(gpu)).collect()
+}
+
+/// Gives back the memory of all devices of this process that nothing is kept in.
+pub fn release() {
+    open().iter().for_each(|gpu| gpu.release());
+}
+
+/// The memory of all devices of this process that is allocated, as far as their drivers are asked through Vulkan or
+/// Direct3D 12.
+pub fn allocated_bytes() -> u64 {
+    open().iter().map(|gpu| gpu.allocated_bytes()).sum()
+}
+
+/// What was submitted to the devices of this process so far.
+pub fn submissions() -> Measured {
+    let all = open().into_iter().map(|gpu| lock(&gpu.pace).measured());
+    all.fold(Measured::default(), |a, b| Measured {
+        submissions: a.submissions + b.submissions,
+        longest_s: a.longest_s.max(b.longest_s),
+    })
+}
+
 pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     // The content of a poisoned lock is either whole or absent.
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
@@ -76,6 +133,19 @@ pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 fn mebibytes(bytes: u64) -> u64 {
     bytes.div_ceil(1 << 20)
+}
+
+#[cfg(not(feature = "test-shaders"))]
+fn source(shader: &Shader) -> Cow<'static, str> {
+    shader.source.into()
+}
+
+#[cfg(feature = "test-shaders")]
+fn source(shader: &Shader) -> Cow<'static, str> {
+    match lock(&RESTRICTIONS).quotient {
+        1.0 => shader.source.into(),
+        factor => perturbed(shader.source, factor).into(),
+    }
 }
 
 impl Gpu {
@@ -99,7 +169,8 @@ impl Gpu {
     }
 
     fn new(index: usize, adapter: &Adapter) -> Result<Gpu> {
-        let Restrictions { most_bytes, features } = *lock(&RESTRICTIONS);
+        let Restrictions { most_bytes, features, memory_bytes, room_bytes, submission, .. } =
+            *lock(&RESTRICTIONS);
         let mut limits = adapter.handle.limits();
         limits.max_storage_buffer_binding_size = limits.max_storage_buffer_binding_size.min(most_bytes);
         let descriptor = wgpu::DeviceDescriptor {
@@ -128,6 +199,13 @@ impl Gpu {
             device,
             queue,
             limits,
+            memory_bytes: memory_bytes.or(adapter.memory_bytes),
+            room_bytes,
+            submission,
+            pace: Mutex::default(),
+            submissions: Mutex::default(),
+            last_used: Mutex::new(Instant::now()),
+            is_watched: AtomicBool::new(false),
             pipelines: Mutex::default(),
             draws: Mutex::default(),
             spare: Mutex::default(),
@@ -164,15 +242,58 @@ impl Gpu {
         // Scopes are popped in reverse order.
         let errors = scopes.into_iter().rev().map(|scope| pollster::block_on(scope.pop()));
         let errors: Vec<wgpu::Error> = errors.collect::<Vec<_>>().into_iter().flatten().collect();
+        // What is not there for lack of memory leads to other errors.
+        if matches!(errors.first(), Some(wgpu::Error::OutOfMemory { .. })) {
+            return Err(self.out_of_memory());
+        }
         let value = result?;
         self.check()?;
-        match errors.first() {
-            None => Ok(value),
-            Some(wgpu::Error::OutOfMemory { .. }) => {
-                Err(self.error("not enough memory on the device; use a smaller picture, or device=\"cpu\""))
-            }
-            Some(error) => Err(self.error(error)),
-        }
+        errors.first().map_or(Ok(value), |error| Err(self.error(error)))
+    }
+
+    fn out_of_memory(&self) -> Error {
+        Error::Memory(format!(
+            "{}: not enough memory on the device; use a smaller picture, or device=\"cpu\"",
+            self.name
+        ))
+    }
+
+    /// The error for a frame that needs more memory than there is.
+    pub(super) fn out_of_memory_for(&self, what: &str, bytes: u64) -> Error {
+        let of = self.memory_bytes.map_or(String::new(), |own| format!(" of {} MiB", mebibytes(own)));
+        Error::Memory(format!(
+            "{}: {what} would need {} MiB of the device's memory{of}, which are not to be had; use a smaller picture, or \
+             device=\"cpu\"",
+            self.name,
+            mebibytes(bytes)
+        ))
+    }
+
+    /// The memory for all buffers of a frame. A part is left for tables, for the driver and for other programs.
+    pub(super) fn memory_for_frames(&self) -> u64 {
+        self.memory_bytes.map_or(u64::MAX, |bytes| bytes / 10 * 8)
+    }
+
+    /// The memory that is allocated, if the driver can be asked.
+    fn allocated_bytes(&self) -> u64 {
+        self.device.generate_allocator_report().map_or(0, |report| report.total_allocated_bytes)
+    }
+
+    /// Notes that the device is used.
+    pub(super) fn used(&self) {
+        *lock(&self.last_used) = Instant::now();
+    }
+
+    /// The time since the device was used.
+    pub(super) fn idle_for(&self) -> Duration {
+        lock(&self.last_used).elapsed()
+    }
+
+    /// Gives back the memory that is kept for the next job.
+    pub(super) fn release(&self) {
+        drop((std::mem::take(&mut *lock(&self.spare)), std::mem::take(&mut *lock(&self.spare_back))));
+        // The memory of buffers goes back when the device is asked for what has ended. An error shows at the next job.
+        drop(self.device.poll(wgpu::PollType::Poll));
     }
 
     /// The size of the largest buffer that a pass can bind.
@@ -197,7 +318,17 @@ impl Gpu {
         bytes: usize,
         usage: wgpu::BufferUsages,
     ) -> Result<wgpu::Buffer> {
-        self.new_buffer(what, bytes, usage, false)
+        // Bindings must not be empty, and uploads end with a whole word.
+        let size = (bytes as u64).max(4).next_multiple_of(4);
+        let is_bound = usage.contains(wgpu::BufferUsages::STORAGE);
+        if size > if is_bound { self.most_bytes() } else { self.limits.max_buffer_size } {
+            return Err(self.too_large(what, size));
+        }
+        if self.room_bytes.is_some_and(|room| self.allocated_bytes() + size > room) {
+            return Err(self.out_of_memory());
+        }
+        let descriptor = wgpu::BufferDescriptor { label: Some(what), size, usage, mapped_at_creation: false };
+        Ok(self.device.create_buffer(&descriptor))
     }
 
     /// A storage buffer of `values`.
@@ -213,30 +344,17 @@ impl Gpu {
         bytes: &[u8],
         usage: wgpu::BufferUsages,
     ) -> Result<wgpu::Buffer> {
-        let buffer = self.new_buffer(what, bytes.len(), usage, true)?;
+        let buffer = self.buffer(what, bytes.len(), usage | wgpu::BufferUsages::COPY_DST)?;
         UPLOADED.fetch_add(bytes.len() as u64, Ordering::Relaxed);
-        let mut mapped = buffer.get_mapped_range_mut(..).map_err(|error| self.error(error))?;
-        mapped.slice(..bytes.len()).copy_from_slice(bytes);
-        drop(mapped);
-        buffer.unmap();
+        // Mapped at its creation, a buffer would be filled with zeros first. The bytes are there before the next
+        // submission runs.
+        let size = wgpu::BufferSize::new(buffer.size());
+        let staged = size.and_then(|size| self.queue.write_buffer_with(&buffer, 0, size));
+        let mut staged = staged.ok_or_else(|| self.error(format_args!("{what} cannot be uploaded")))?;
+        let (own, end) = (bytes.len(), buffer.size() as usize);
+        staged.slice(..own).copy_from_slice(bytes);
+        staged.slice(own..end).fill(0);
         Ok(buffer)
-    }
-
-    fn new_buffer(
-        &self,
-        what: &'static str,
-        bytes: usize,
-        usage: wgpu::BufferUsages,
-        mapped_at_creation: bool,
-    ) -> Result<wgpu::Buffer> {
-        // Bindings must not be empty, and mapped buffers end with a whole word.
-        let size = (bytes as u64).max(4).next_multiple_of(4);
-        let is_bound = usage.contains(wgpu::BufferUsages::STORAGE);
-        if size > if is_bound { self.most_bytes() } else { self.limits.max_buffer_size } {
-            return Err(self.too_large(what, size));
-        }
-        let descriptor = wgpu::BufferDescriptor { label: Some(what), size, usage, mapped_at_creation };
-        Ok(self.device.create_buffer(&descriptor))
     }
 
     /// The pipeline of a shader, compiled on its first use.
@@ -269,7 +387,7 @@ impl Gpu {
 
     /// A shader, compiled.
     pub(super) fn module(&self, shader: &Shader) -> wgpu::ShaderModule {
-        let source = wgpu::ShaderSource::Wgsl(shader.source.into());
+        let source = wgpu::ShaderSource::Wgsl(source(shader));
         let descriptor = wgpu::ShaderModuleDescriptor { label: Some(shader.name), source };
         // With the counters that end endless loops, drivers would not unroll loops.
         let checks = wgpu::ShaderRuntimeChecks { force_loop_bounding: false, ..Default::default() };

@@ -77,6 +77,8 @@ impl Commands<'_> {
         draw: (&wgpu::Buffer, u64),
         targets: &Targets,
     ) -> Result<()> {
+        let size = targets.color.size();
+        self.begin(quads.name, f64::from(size.width) * f64::from(size.height))?;
         let stages = wgpu::ShaderStages::VERTEX_FRAGMENT;
         let (layout, bind_group) = self.bindings(quads.name, params, buffers, stages)?;
         let pipeline = pipeline(self.gpu, quads, channels, &layout);

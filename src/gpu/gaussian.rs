@@ -51,7 +51,9 @@ shared! {
 
 /// What the method requires of a device: interpolation and halving read one texel farther than the blur.
 pub fn requirements() -> Requirements {
-    Requirements { block_px: 2, ..Requirements::reaching(2 * (REACH + 3)) }
+    // Two colours and two weights for every fourth pixel.
+    let all_bytes_per_px = (2 * size_of::<[f32; 4]>() + 2 * size_of::<f32>()).div_ceil(4);
+    Requirements { all_bytes_per_px, block_px: 2, ..Requirements::reaching(2 * (REACH + 3)) }
 }
 
 /// Renders the picture.

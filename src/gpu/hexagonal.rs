@@ -2,7 +2,7 @@
 
 use super::bands::Requirements;
 use super::commands::Bound::{Read, Write};
-use super::commands::{Commands, groups, pixels};
+use super::commands::{Commands, pixels};
 use super::picture::GpuPicture;
 use super::shader::{Defocus, Shader, shader, shared};
 use crate::error::Result;
@@ -34,7 +34,8 @@ shared! {
         scale: f32,
         lines: [[u32; 4]; MAX_LINES],
         max_coc_px: f32,
-        _gap: [u32; 3],
+        top: u32,
+        _gap: [u32; 2],
         shift: Defocus,
     }
 }
@@ -90,7 +91,8 @@ pub fn requirements(settings: &Settings, largest_px: f64) -> Requirements {
     let (second, both) = Plan::new(settings, largest_px.min(settings.max_coc_px)).margins();
     let around_px = second.left.max(second.right).max(second.above).max(second.below);
     let bytes_per_px = size_of::<Texel>();
-    Requirements { bytes_per_px, around_px, ..Requirements::reaching(both.above.max(both.below)) }
+    let reaching = Requirements::reaching(both.above.max(both.below));
+    Requirements { bytes_per_px, all_bytes_per_px: MAX_TARGETS * bytes_per_px, around_px, ..reaching }
 }
 
 /// Renders the picture.
@@ -107,7 +109,7 @@ pub fn render(
     let (margin, _) = plan.margins();
     let (width, height) =
         (margin.left + size.width + margin.right, margin.above + size.height + margin.below);
-    let params = |lines: &Lines| Params {
+    let params = |lines: &Lines, top| Params {
         size: pixels(size),
         frame: [width as u32, height as u32],
         origin: [margin.left as u32, margin.above as u32],
@@ -115,7 +117,8 @@ pub fn render(
         scale: plan.scale,
         lines: lines.lines,
         max_coc_px: settings.max_coc_px as f32,
-        _gap: [0; 3],
+        top,
+        _gap: [0; 2],
         shift: optics.defocus(Measure::Shift, 1.0).into(),
     };
     let (gathered, spread) = (Lines::new(&plan, |t| &t.gathered), Lines::new(&plan, |t| &t.spread));
@@ -130,10 +133,12 @@ pub fn render(
 
     let taps = gpu.upload("the lines of the first pass", &gathered.taps)?;
     let buffers: Vec<_> = input.into_iter().chain([Read(&taps)]).chain(targets.iter().map(Write)).collect();
-    commands.pass(&GATHER, size.channels, &params(&gathered), &buffers, groups(width, height))?;
+    let work = (width, height, 1 + gathered.taps.len());
+    commands.rows(&GATHER, size.channels, |top| params(&gathered, top), &buffers, work)?;
     let taps = gpu.upload("the lines of the second pass", &spread.taps)?;
     let targets = [Read(&taps)].into_iter().chain(targets.iter().map(Read)).chain([Write(&picture)]);
     let buffers: Vec<_> = input.into_iter().chain(targets).collect();
-    commands.pass(&SHADE, size.channels, &params(&spread), &buffers, groups(size.width, size.height))?;
+    let work = (size.width, size.height, 1 + spread.taps.len());
+    commands.rows(&SHADE, size.channels, |top| params(&spread, top), &buffers, work)?;
     Ok(picture)
 }

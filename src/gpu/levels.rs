@@ -48,7 +48,8 @@ shared! {
 pub fn requirements(settings: &Settings, largest_px: f64) -> Requirements {
     let scale = Plan::new(settings, largest_px).scale;
     let bytes_per_px = size_of::<[f32; 4]>().div_ceil(scale * scale);
-    Requirements { bytes_per_px, block_px: scale, ..Requirements::reaching((2 * STEPS + 2) * scale) }
+    let reaching = Requirements::reaching((2 * STEPS + 2) * scale);
+    Requirements { bytes_per_px, all_bytes_per_px: 3 * bytes_per_px, block_px: scale, ..reaching }
 }
 
 /// Renders the picture.

@@ -2,7 +2,7 @@
 
 use super::bands::Requirements;
 use super::commands::Bound::{Read, Write};
-use super::commands::{Commands, groups, pixels};
+use super::commands::{Commands, pixels};
 use super::picture::GpuPicture;
 use super::shader::{Defocus, Shader, shader, shared};
 use crate::error::Result;
@@ -19,7 +19,7 @@ shared! {
         centre: f32,
         max_radius_px: f32,
         rounding: f32,
-        _gap: u32,
+        top: u32,
         shift: Defocus,
     }
 }
@@ -55,12 +55,14 @@ pub fn render(
         centre: plan.centre,
         max_radius_px: plan.max_radius_px as f32,
         rounding: plan.rounding,
-        _gap: 0,
+        top: 0,
         shift: optics.defocus(Measure::Shift, 1.0).into(),
     };
     let taps = commands.gpu.upload("the table of taps", &taps)?;
     let picture = commands.output(size)?;
     let buffers = [Read(&scene.color), Read(&scene.disparity), Read(&taps), Write(&picture)];
-    commands.pass(&POISSON, size.channels, &params, &buffers, groups(size.width, size.height))?;
+    let params = |top| Params { top, ..params };
+    let work = (size.width, size.height, 1 + plan.taps.len());
+    commands.rows(&POISSON, size.channels, params, &buffers, work)?;
     Ok(picture)
 }

@@ -1,6 +1,6 @@
 //! Renders a scene through a lens on a GPU; the twin of `cpu::render`.
 
-use super::bands::{self, Band, Requirements};
+use super::bands::{self, Band, Bytes, Requirements};
 use super::commands::{Commands, PassTime, Pending};
 use super::device::Gpu;
 use super::magnify::{self, Sources};
@@ -34,10 +34,20 @@ pub fn render_each<'a>(
         };
         let mut running: Option<(Pending, &mut [f32])> = None;
         for (imaging, mut out) in lenses {
-            let exposure = Exposure::new(&gpu, scope, imaging)?;
-            for band in &exposure.bands {
-                let next = exposure.start(band)?;
-                let (own, behind) = out.split_at_mut(exposure.values_of(band));
+            let mut exposure = Exposure::new(&gpu, scope, imaging)?;
+            while let Some(band) = exposure.bands.first().cloned() {
+                let next = match exposure.start(&band) {
+                    Ok(next) => next,
+                    Err(Error::Memory(_)) => {
+                        // There is less memory than was planned with: other programs have some of it, too.
+                        running.take().map_or(Ok(()), &mut finish)?;
+                        exposure.split_more(&band)?;
+                        continue;
+                    }
+                    Err(error) => return Err(error),
+                };
+                exposure.bands.remove(0);
+                let (own, behind) = out.split_at_mut(exposure.values_of(&band));
                 out = behind;
                 running.replace((next, own)).map_or(Ok(()), &mut finish)?;
             }
@@ -73,7 +83,11 @@ pub(super) struct Exposure<'a> {
     sources: Option<Sources>,
     /// The clipping of the opening that the falloff needs.
     clip: Option<PupilClip>,
+    requirements: Requirements,
+    /// The bands that have not been rendered yet.
     pub(super) bands: Vec<Band>,
+    /// Number of bands whose pictures stay on the device.
+    kept: usize,
 }
 
 impl<'a> Exposure<'a> {
@@ -82,15 +96,55 @@ impl<'a> Exposure<'a> {
         let picture = scene.mapped(&imaging.disparity_map());
         let sources = Sources::new(imaging, picture.size);
         let clip = scope.method.clip_of(imaging);
-        let mut exposure = Exposure { gpu, scope, imaging, picture, sources, clip, bands: Vec::new() };
-        let requirements = exposure.requirements()?;
-        let Picture { size, layers, .. } = &*exposure.picture;
-        let most = gpu.most_bytes() as usize;
-        exposure.bands = bands::split(most, *size, layers.len(), requirements, scene.supersample, |rows| {
-            exposure.sources.as_ref().map_or(rows.clone(), |sources| sources.of_rows(rows))
-        })
-        .map_err(|bytes| gpu.too_large("a band of the picture", bytes as u64))?;
+        let requirements = Requirements::reaching(0);
+        let (bands, kept) = (Vec::new(), 1);
+        let mut exposure =
+            Exposure { gpu, scope, imaging, picture, sources, clip, requirements, bands, kept };
+        exposure.requirements = exposure.requirements()?;
+        let of_buffers = Bytes { one: gpu.most_bytes() as usize, all: usize::MAX };
+        let most = Bytes { all: gpu.memory_for_frames() as usize, ..of_buffers };
+        exposure.bands = exposure.split(most, 0).map_err(|least| exposure.refused(least))?;
+        // If it is for the sum of all buffers that there are several bands, the device cannot hold all of them.
+        let fewest = exposure.split(of_buffers, 0).map_or(0, |bands| bands.len());
+        exposure.kept = if exposure.bands.len() == fewest { fewest } else { 1 };
         Ok(exposure)
+    }
+
+    /// The bands from a row on, for a device that has no more than `most`; the error is what a band needs at least.
+    fn split(&self, most: Bytes, from: usize) -> std::result::Result<Vec<Band>, Bytes> {
+        let Picture { size, layers, .. } = &*self.picture;
+        let step = self.scope.scene.supersample;
+        bands::split(most, (*size, layers.len()), self.requirements, (from, step), |rows| {
+            self.sources.as_ref().map_or(rows.clone(), |sources| sources.of_rows(rows))
+        })
+    }
+
+    /// The error for bands that need more than the device has.
+    fn refused(&self, least: Bytes) -> Error {
+        const BAND: &str = "a band of the picture";
+        let Bytes { one, all } = least;
+        if one as u64 > self.gpu.most_bytes() {
+            return self.gpu.too_large(BAND, one as u64);
+        }
+        self.gpu.out_of_memory_for(BAND, all as u64)
+    }
+
+    /// Splits the rest of the picture, from a band on, into bands of half its size, or if that is too small for any, into
+    /// the smallest. Gives back what the device keeps.
+    fn split_more(&mut self, band: &Band) -> Result<()> {
+        let Picture { size, layers, .. } = &*self.picture;
+        let Bytes { one, all } = bands::bytes(band, *size, layers.len(), self.requirements);
+        let mut most = Bytes { one: one.min(self.gpu.most_bytes() as usize), all: all / 2 };
+        self.bands = loop {
+            match self.split(most, band.rows.start) {
+                Ok(bands) => break bands,
+                Err(least) if least.all < all && least.one <= most.one => most.all = least.all,
+                Err(_) => return Err(self.refused(Bytes { one, all })),
+            }
+        };
+        self.kept = 1;
+        self.scope.cache.clear();
+        self.gpu.reclaim(self.scope.cancel)
     }
 
     /// The number of output values of a band.
@@ -110,6 +164,7 @@ impl<'a> Exposure<'a> {
             let range = self.picture.layers[0].disparity_range();
             self.optics().map(|optics| optics.largest_radius_px(range)).fold(0.0, f64::max)
         };
+        let focuses = self.optics().count();
         Ok(match self.scope.method {
             Method::Lens(settings) => {
                 let mut all = Requirements::reaching(0);
@@ -123,9 +178,11 @@ impl<'a> Exposure<'a> {
             Method::Poisson(settings) => poisson::requirements(settings, &self.imaging.optics),
             Method::Gaussian(_) => gaussian::requirements(),
             Method::Taps(settings) => taps::requirements(settings, &self.imaging.optics),
-            Method::Hexagonal(settings) => hexagonal::requirements(settings, largest_px()),
-            Method::Levels(settings) => levels::requirements(settings, largest_px()),
-            Method::Sprites(settings) => sprites::requirements(settings, largest_px()),
+            Method::Hexagonal(settings) => {
+                hexagonal::requirements(settings, largest_px()).for_focuses(focuses)
+            }
+            Method::Levels(settings) => levels::requirements(settings, largest_px()).for_focuses(focuses),
+            Method::Sprites(settings) => sprites::requirements(settings, largest_px()).for_focuses(focuses),
         })
     }
 
@@ -138,15 +195,15 @@ impl<'a> Exposure<'a> {
     /// Starts to compute one band.
     pub(super) fn start(&self, band: &Band) -> Result<Pending> {
         let (gpu, &Scope { scene, cache, .. }) = (self.gpu, self.scope);
-        let bands = self.bands.len();
-        let picture = cache.picture(gpu, &self.picture, &band.read, bands)?;
+        let kept = self.kept;
+        let picture = cache.picture(gpu, &self.picture, &band.read, kept)?;
         if let Method::Lens(settings) = self.scope.method {
             // Steps that take long on the CPU and whose results are kept come first.
             let (optics, _) = settings.leaning(self.imaging, &self.imaging.optics)?;
-            cache.cells(gpu, &self.layered(&optics)?, &band.read, bands)?;
+            cache.cells(gpu, &self.layered(&optics)?, &band.read, kept)?;
         }
         gpu.guarded(|| {
-            let mut commands = Commands::new(gpu);
+            let mut commands = Commands::new(gpu, self.scope.cancel);
             let rendered = if self.imaging.is_axially_chromatic() {
                 by_focus::render(&mut commands, picture.size, |commands, color, channels| {
                     let part = picture.of_channels(commands, channels)?;
@@ -194,7 +251,7 @@ impl<'a> Exposure<'a> {
                 let imaging = self.imaging.rows_from(band.read.start);
                 let (optics, settings) = settings.leaning(&imaging, optics)?;
                 let layered = self.layered(&optics)?;
-                let (mut layered, mut cells) = cache.cells(gpu, &layered, &band.read, self.bands.len())?;
+                let (mut layered, mut cells) = cache.cells(gpu, &layered, &band.read, self.kept)?;
                 if let Some(channels) = channels {
                     layered = Arc::new(layered.of_channels(channels));
                     cells = Arc::new(cells.of_channels(commands, channels)?);

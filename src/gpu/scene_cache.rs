@@ -43,6 +43,12 @@ impl<T> Slots<T> {
         kept.iter().filter_map(ProcessLocal::get).find(|kept| fits(kept)).map(Arc::clone)
     }
 
+    fn clear(&self) {
+        let gone = std::mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner));
+        // It is freed after the lock has been released.
+        drop(gone);
+    }
+
     /// The cached value that fits, or else a new one, which is then kept together with `count - 1` others.
     fn get(
         &self,
@@ -73,6 +79,13 @@ pub struct SceneCache {
 }
 
 impl SceneCache {
+    /// Gives back all that devices keep.
+    pub fn clear(&self) {
+        self.pictures.clear();
+        self.layers.clear();
+        self.sprites.clear();
+    }
+
     /// Rows of the picture on this device, uploaded by the first call. The picture has `count` such bands.
     pub fn picture(
         &self,

@@ -89,5 +89,9 @@ impl From<crate::optics::Defocus> for Defocus {
     }
 }
 
+#[cfg(feature = "test-shaders")]
+pub mod perturbed;
+#[cfg(all(test, feature = "test-shaders"))]
+mod portable_tests;
 #[cfg(all(test, feature = "test-shaders"))]
 mod tests;

@@ -2,7 +2,7 @@
 
 use super::bands::Requirements;
 use super::commands::Bound::{Read, Write};
-use super::commands::{Commands, groups, pixels};
+use super::commands::{Commands, pixels};
 use super::picture::GpuPicture;
 use super::shader::{Defocus, Shader, shader, shared};
 use crate::error::Result;
@@ -18,7 +18,8 @@ shared! {
         mix: u32,
         share: f32,
         max_blur: f32,
-        _gap: [u32; 2],
+        top: u32,
+        _gap: u32,
         defocus: Defocus,
     }
 }
@@ -60,12 +61,15 @@ pub fn render(
         mix: plan.mix as u32,
         share: plan.share,
         max_blur: MAX_BLUR as f32,
-        _gap: [0; 2],
+        top: 0,
+        _gap: 0,
         defocus: plan.defocus().into(),
     };
     let taps = commands.gpu.upload("the table of look-ups", &taps)?;
     let picture = commands.output(size)?;
     let buffers = [Read(&scene.color), Read(&scene.disparity), Read(&taps), Write(&picture)];
-    commands.pass(&TAPS, size.channels, &params, &buffers, groups(size.width, size.height))?;
+    let params = |top| Params { top, ..params };
+    let work = (size.width, size.height, 1 + plan.taps.len());
+    commands.rows(&TAPS, size.channels, params, &buffers, work)?;
     Ok(picture)
 }

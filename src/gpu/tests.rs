@@ -3,7 +3,8 @@
 
 use super::adapters;
 use super::commands::Commands;
-use super::device::Gpu;
+use super::device::{Gpu, lock};
+use super::idle::IDLE;
 use super::process_local::ProcessLocal;
 use super::render::{Exposure, Scope};
 use super::scene_cache::SceneCache;
@@ -118,7 +119,10 @@ fn what_does_not_fit_is_refused_with_its_size() {
     on_adapter(|| {
         let gpu = Gpu::open(0).unwrap();
         let most = gpu.limits.max_storage_buffer_binding_size.min(gpu.limits.max_buffer_size);
-        let text = Commands::new(&gpu).scratch::<u8>("the test", most as usize + 1).unwrap_err().to_string();
+        let text = Commands::new(&gpu, &Cancel::default())
+            .scratch::<u8>("the test", most as usize + 1)
+            .unwrap_err()
+            .to_string();
         let mebibytes = format!("the device allows {} MiB", most.div_ceil(1 << 20));
         assert!(text.contains("the test would need") && text.contains(&mebibytes), "{text}");
     });
@@ -135,6 +139,25 @@ fn what_the_device_refuses_is_an_error_and_no_panic() {
         drop(gpu.buffer("the test", 16, usage));
         assert!(matches!(gpu.check(), Err(Error::Device(_))));
         assert!(!Arc::ptr_eq(&gpu, &Gpu::open(0).unwrap()));
+    });
+}
+
+#[test]
+fn memory_that_nothing_is_kept_in_is_given_back_when_the_device_is_idle() {
+    on_adapter(|| {
+        let scene = renderer(1500, 1000);
+        assert!(render(&scene, Device::Gpu(0)).is_ok());
+        drop(scene);
+        let gpu = Gpu::open(0).unwrap();
+        let spare = || lock(&gpu.spare).len() + lock(&gpu.spare_back).len();
+        assert!(spare() > 0);
+        for _ in 0..100 {
+            if spare() == 0 {
+                break;
+            }
+            std::thread::sleep(IDLE / 10);
+        }
+        assert_eq!(spare(), 0);
     });
 }
 

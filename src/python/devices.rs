@@ -1,9 +1,12 @@
 //! `dofsim.devices`, and the names of devices.
 
 use super::errors::choice;
-use crate::device::Device;
+use crate::device::{Device, without_gpu};
+use crate::gpu::visible::Visible;
 use crate::gpu::{self, Restrictions, adapters};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use std::time::Duration;
 
 /// The environment variable that determines the meaning of "auto" and "gpu".
 const VARIABLE: &str = "DOFSIM_DEVICE";
@@ -22,6 +25,16 @@ const VARIABLE: &str = "DOFSIM_DEVICE";
 ///     The interface that it is reached by.
 /// driver : str
 ///     Its driver.
+/// pci_bus_id : str
+///     Where it is on the PCI bus, like ``"0000:41:00.0"``; empty if the driver does not say.
+/// visible : bool
+///     Whether ``"auto"`` and ``"gpu"`` may choose it: the environment variable ``CUDA_VISIBLE_DEVICES`` does not hide it.
+/// memory_bytes : int or None
+///     Its memory, if the driver says so.
+/// measures_time : bool
+///     Whether `Scene.profile` has times.
+/// blends_floats : bool
+///     Whether ``"sprites"`` are drawn. Otherwise every pixel gathers them, which takes longer.
 /// max_buffer_bytes, max_binding_bytes : int
 ///     The largest buffer, and how much of one a pass can see.
 #[pyclass(name = "Device", module = "dofsim", frozen, eq, get_all)]
@@ -32,6 +45,11 @@ pub struct PyDevice {
     kind: &'static str,
     backend: String,
     driver: String,
+    pci_bus_id: String,
+    visible: bool,
+    memory_bytes: Option<u64>,
+    measures_time: bool,
+    blends_floats: bool,
     max_buffer_bytes: u64,
     max_binding_bytes: u64,
 }
@@ -58,12 +76,18 @@ impl PyDevice {
 #[pyfunction]
 pub fn devices(py: Python<'_>) -> Vec<PyDevice> {
     let all = py.detach(adapters::all);
+    let visible = Visible::here();
     let device = |(i, adapter): (usize, &adapters::Adapter)| PyDevice {
         id: format!("gpu:{i}"),
         name: adapter.name.clone(),
         kind: adapter.kind.name(),
         backend: adapter.backend.clone(),
         driver: adapter.driver.clone(),
+        pci_bus_id: adapter.pci_bus_id.clone(),
+        visible: adapter.place_in(&visible).is_some(),
+        memory_bytes: adapter.memory_bytes,
+        measures_time: adapter.measures_time,
+        blends_floats: adapter.blends_floats,
         max_buffer_bytes: adapter.max_buffer_bytes,
         max_binding_bytes: adapter.max_binding_bytes,
     };
@@ -76,22 +100,118 @@ pub fn read_device(py: Python<'_>, name: &str) -> PyResult<Device> {
     Ok(py.detach(|| Device::named(name, preset.as_deref()))?)
 }
 
+/// The device that a name stands for here.
+///
+/// Parameters
+/// ----------
+/// name : str
+///     As given as `device`.
+///
+/// Returns
+/// -------
+/// str
+///     ``"cpu"``, or the ``id`` of one of `devices`.
+#[pyfunction]
+pub fn chosen_device(py: Python<'_>, name: &str) -> PyResult<String> {
+    Ok(read_device(py, name)?.id())
+}
+
+/// Why no GPU is chosen by itself, where that is so.
+///
+/// Returns
+/// -------
+/// list of str
+///     A sentence for each thing that this machine lacks, and for each GPU that the environment hides.
+#[pyfunction]
+pub fn lacking_for_gpu(py: Python<'_>) -> Vec<String> {
+    py.detach(|| without_gpu(&adapters::all()))
+}
+
 /// Open devices anew with no more than this, until the next call: for tests of what smaller devices do.
 ///
 /// Parameters
 /// ----------
 /// max_binding_bytes : int, optional
 ///     How much of a buffer one pass can see; by default what the adapter allows.
+/// memory_bytes : int, optional
+///     The memory for which bands are planned; by default what the driver says.
+/// room_bytes : int, optional
+///     The memory beyond which nothing can be allocated.
+/// submission_s : float, optional
+///     The time that one submission should take.
+/// quotient : float, optional
+///     A factor by which all quotients of shaders are off, in builds with the feature ``test-shaders``.
 /// blending : {"float32", "none"}, optional
 ///     Whether floats of 32 bits are blended, where the adapter can (default), or not.
 #[pyfunction]
-#[pyo3(signature = (*, max_binding_bytes=None, blending="float32"))]
-pub fn restrict_devices(max_binding_bytes: Option<u64>, blending: &str) -> PyResult<()> {
+#[pyo3(signature = (*, max_binding_bytes=None, memory_bytes=None, room_bytes=None, submission_s=None, quotient=None,
+    blending="float32"))]
+pub fn restrict_devices(
+    max_binding_bytes: Option<u64>,
+    memory_bytes: Option<u64>,
+    room_bytes: Option<u64>,
+    submission_s: Option<f64>,
+    quotient: Option<f32>,
+    blending: &str,
+) -> PyResult<()> {
     let none = Restrictions::NONE;
     let without_blending = none.features.difference(wgpu::Features::FLOAT32_BLENDABLE);
     let features = choice("blending", blending, &[("float32", none.features), ("none", without_blending)])?;
-    gpu::restrict(Restrictions { most_bytes: max_binding_bytes.unwrap_or(none.most_bytes), features });
+    let submission = submission_s.map(Duration::try_from_secs_f64).transpose();
+    let submission = submission.map_err(|error| PyValueError::new_err(format!("submission_s: {error}")))?;
+    if let Some(quotient) = quotient.filter(|quotient| !quotient.is_finite()) {
+        return Err(PyValueError::new_err(format!("quotient must be finite; got {quotient}")));
+    }
+    if !cfg!(feature = "test-shaders") && quotient.is_some() {
+        return Err(PyValueError::new_err("quotient: dofsim was built without the feature test-shaders"));
+    }
+    gpu::restrict(Restrictions {
+        most_bytes: max_binding_bytes.unwrap_or(none.most_bytes),
+        features,
+        memory_bytes,
+        room_bytes,
+        submission: submission.unwrap_or(none.submission),
+        #[cfg(feature = "test-shaders")]
+        quotient: quotient.unwrap_or(none.quotient),
+    });
     Ok(())
+}
+
+/// Give back the memory of devices in which nothing is kept.
+///
+/// A device keeps the memory of the last picture for the next one. It is given back after some seconds in which nothing is
+/// rendered, and by this function at once. What a `Scene` keeps on a device stays there as long as the scene.
+///
+/// Examples
+/// --------
+/// >>> import dofsim
+/// >>> dofsim.release_devices()
+#[pyfunction]
+pub fn release_devices(py: Python<'_>) {
+    py.detach(gpu::release);
+}
+
+/// How much memory the devices of this process have allocated.
+///
+/// Returns
+/// -------
+/// int
+///     Bytes; 0 where drivers cannot be asked.
+#[pyfunction]
+pub fn device_bytes(py: Python<'_>) -> u64 {
+    py.detach(gpu::allocated_bytes)
+}
+
+/// What was submitted to the devices that are open.
+///
+/// Returns
+/// -------
+/// tuple of int and float
+///     The number of submissions, and the seconds of the longest one whose end was waited for.
+#[pyfunction]
+pub fn device_submissions() -> (u64, f64) {
+    let measured = gpu::submissions();
+    (measured.submissions, measured.longest_s)
 }
 
 /// How much this process has taken to devices so far.

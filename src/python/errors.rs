@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use pyo3::create_exception;
-use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError, PyTypeError, PyValueError};
+use pyo3::exceptions::{PyKeyboardInterrupt, PyMemoryError, PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
 create_exception!(dofsim, DeviceError, PyRuntimeError, "The device asked for cannot be used.");
@@ -12,6 +12,7 @@ impl From<Error> for PyErr {
         match error {
             Error::Value(text) => PyValueError::new_err(text),
             Error::Device(text) => DeviceError::new_err(text),
+            Error::Memory(text) => PyMemoryError::new_err(text),
             // The signal that caused the stop raises its own exception; this is for a stop without a signal.
             Error::Cancelled => PyKeyboardInterrupt::new_err("the render was interrupted"),
         }

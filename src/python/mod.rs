@@ -39,7 +39,10 @@ pub mod _dofsim {
     #[pymodule_export]
     use super::coc::coc;
     #[pymodule_export]
-    use super::devices::{PyDevice, devices, restrict_devices, uploaded_bytes};
+    use super::devices::{
+        PyDevice, chosen_device, device_bytes, device_submissions, devices, lacking_for_gpu, release_devices,
+        restrict_devices, uploaded_bytes,
+    };
     #[pymodule_export]
     use super::errors::DeviceError;
     #[pymodule_export]

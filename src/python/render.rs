@@ -41,8 +41,8 @@ use std::time::Instant;
 ///     How to compute; see the notes. All but ``"lens"`` take one layer and are for speed or for their own looks.
 /// device : str, optional
 ///     Where to compute: ``"cpu"``, ``"gpu"``, one of `devices` by its ``id`` or its name, or ``"auto"`` (default): a
-///     GPU if there is one, else the CPU. A software rasteriser is used only if it is named. The environment variable
-///     ``DOFSIM_DEVICE`` says what ``"auto"`` and ``"gpu"`` stand for.
+///     discrete GPU if there is one, else the CPU. ``"gpu"`` is the best GPU of any kind; a software rasteriser is used only
+///     if it is named. The environment variable ``DOFSIM_DEVICE`` says what ``"auto"`` and ``"gpu"`` stand for.
 /// aperture : Aperture, optional
 ///     Shape of the aperture; a disc if not given. A method that cannot draw another shape raises an error.
 /// depth_kind : str, optional
@@ -101,6 +101,8 @@ use std::time::Instant;
 ///     If an argument cannot be used; the text names it, its value and what is accepted.
 /// DeviceError
 ///     If the device cannot be used.
+/// MemoryError
+///     If the device has not enough memory.
 ///
 /// Notes
 /// -----

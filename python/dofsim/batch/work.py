@@ -108,7 +108,7 @@ def _guarded(frame: Frame, step: Callable[[], T]) -> T | Result:
         if isinstance(error, OSError) and error.filename:
             message = f"{error.filename}: {error.strerror}"
         elif isinstance(error, MemoryError):
-            message = "not enough memory"
+            message = str(error) or "not enough memory"
         elif isinstance(error, (OSError, ValueError, TypeError, dofsim.DeviceError, ImportError)):
             message = str(error)
         else:

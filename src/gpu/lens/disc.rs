@@ -1,6 +1,6 @@
 //! Tiles that show one closed surface of nearly constant depth. Those that are swept in part have been swept before.
 
-use super::frame::{LensFrame, MAX_LOOPS, origin, per_pixel};
+use super::frame::{GROUPS, LensFrame, MAX_LOOPS, origin, units};
 use super::kernels::{Disc, Kernels};
 use crate::error::Result;
 use crate::gpu::commands::Bound::{Read, Write};
@@ -34,7 +34,7 @@ shared! {
         first_row: u32,
         end_row: u32,
         front: u32,
-        _end: u32,
+        first_tile: u32,
     }
 }
 
@@ -76,7 +76,7 @@ pub fn pass(
         first_row: 0,
         end_row: 0,
         front,
-        _end: 0,
+        first_tile: 0,
     };
     let tile = |&(at, disc, share): &((usize, usize), Disc, f32)| {
         let kernel = match disc {
@@ -86,7 +86,7 @@ pub fn pass(
         Tile { origin: origin(at), kernel, share }
     };
     let tiles: Vec<Tile> = kernels.tiles.iter().map(tile).collect();
-    let groups = per_pixel(tiles.len());
+    let count = tiles.len();
     let tiles = gpu.upload("the tiles of one surface", &tiles)?;
     let words = gpu.upload("the discs", &kernels.words)?;
     let buffers =
@@ -95,8 +95,9 @@ pub fn pass(
     let rows_at_once = (MAX_LOOPS / (2 * (1 + kernels.widest_row))).max(1);
     for first_row in (0..kernels.most_rows).step_by(rows_at_once) {
         let end_row = (first_row + rows_at_once) as u32;
-        let params = DiscParams { first_row: first_row as u32, end_row, ..params };
-        commands.pass(&DISC, channels, &params, &buffers, groups)?;
+        let work = vec![units(rows_at_once.min(kernels.most_rows - first_row)); count];
+        let params = |first_tile| DiscParams { first_row: first_row as u32, end_row, first_tile, ..params };
+        commands.tiles(&DISC, channels, params, &buffers, (&work, GROUPS))?;
     }
     Ok(())
 }

@@ -13,9 +13,12 @@ pub const MAX_LOOPS: usize = 40_000;
 /// Rows of a tile that one workgroup renders, with one pixel per invocation.
 pub const GROUP_ROWS: usize = 4;
 
-/// The number of workgroups that cover some tiles.
-pub fn per_pixel(tiles: usize) -> [u32; 3] {
-    [tiles as u32, TILE.1.div_ceil(GROUP_ROWS) as u32, 1]
+/// The number of workgroups of a tile with one pixel per invocation.
+pub const GROUPS: u32 = TILE.1.div_ceil(GROUP_ROWS) as u32;
+
+/// The work for a tile of whose pixels each one takes so many units.
+pub fn units(per_pixel: usize) -> f64 {
+    (TILE.0 * TILE.1 * per_pixel) as f64
 }
 
 /// The scene on the device, the plan, and the picture to which passes write.

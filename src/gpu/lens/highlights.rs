@@ -1,6 +1,6 @@
 //! Highlights, drawn as exact discs.
 
-use super::frame::{LensFrame, MAX_LOOPS, origin, per_pixel};
+use super::frame::{GROUPS, LensFrame, MAX_LOOPS, origin, units};
 use super::kernels::Kernels;
 use super::optical_vignetting::SecondStop;
 use crate::aperture::Aperture;
@@ -30,7 +30,8 @@ shared! {
         step: f32,
         same_surface_px: f32,
         other_surface_px: f32,
-        _gap: [u32; 3],
+        first_tile: u32,
+        _gap: [u32; 2],
         second_stop: SecondStop,
     }
 }
@@ -137,7 +138,8 @@ pub fn pass(
         step: codes.step() as f32,
         same_surface_px: SAME_SURFACE_PX,
         other_surface_px: OTHER_SURFACE_PX,
-        _gap: [0; 3],
+        first_tile: 0,
+        _gap: [0; 2],
         second_stop,
     };
     let words =
@@ -146,7 +148,7 @@ pub fn pass(
     let lists = gpu.upload("the highlights of tiles", &lists)?;
     let nearest = gpu.upload("the depths of blocks", &nearest)?;
     for tiles in passes {
-        let groups = per_pixel(tiles.len());
+        let work: Vec<f64> = tiles.iter().map(|tile| units(tile.count as usize)).collect();
         let tiles = gpu.upload("the tiles with highlights", &tiles)?;
         let buffers = [
             Read(&cells.codes),
@@ -158,7 +160,8 @@ pub fn pass(
             Read(&nearest),
             Write(picture),
         ];
-        commands.pass(&HIGHLIGHTS, cells.size.channels, &params, &buffers, groups)?;
+        let params = |first_tile| HighlightsParams { first_tile, ..params };
+        commands.tiles(&HIGHLIGHTS, cells.size.channels, params, &buffers, (&work, GROUPS))?;
     }
     Ok(())
 }

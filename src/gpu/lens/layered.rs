@@ -28,6 +28,9 @@ pub const NOWHERE: f32 = 1e30;
 pub const NO_CONNECTIVITY: u8 = 128;
 /// The connectivity of a layer that has none because it is a holdout.
 pub const OF_HOLDOUT: u8 = NO_CONNECTIVITY | 64;
+/// Bytes of a cell beside its colour: its codes, its shift, its connectivity, and a half-plane's number. Half-planes
+/// are few; those of edges that fill a quarter of the picture have as many bytes.
+pub const OTHER_BYTES_PER_CELL: usize = 4 + 4 + 1 + 4 + 4;
 /// Number of values that one worker converts at a time.
 const CHUNK: usize = 1 << 14;
 

@@ -30,7 +30,7 @@ use crate::plan::lens::{Plan, Settings, reach_px};
 use crate::scene::grid::{BLOCK, TILE};
 use crate::scene::layered::LayeredScene;
 use crate::simd::Simd;
-use frame::{LensFrame, origin, per_pixel};
+use frame::{GROUPS, LensFrame, origin, units};
 use kernels::Kernels;
 
 pub const IN_FOCUS: Shader =
@@ -44,7 +44,7 @@ shared! {
         cell_layers: u32,
         loss_per_px2: [f32; 2],
         s_focus: f32,
-        _end: u32,
+        first_tile: u32,
     }
 }
 
@@ -64,8 +64,14 @@ pub fn requirements(scene: &LayeredScene, optics: &Optics) -> Requirements {
     let reach_px = reach_px(scene, s_focus);
     let beyond = REACHES.iter().sum::<usize>() + 4 * BLOCK;
     let bytes_per_px = size_of::<[f32; 4]>() * scene.layers.len();
+    // The colours without highlights for discs and for the sweep, and twice as they are drawn; those of one colour; and
+    // sums along rows.
+    let all_bytes_per_px = (2 + 2 + 1) * bytes_per_px + size_of::<[f32; 4]>() + size_of::<f32>();
+    let kept_bytes_per_px = bytes_per_px + layered::OTHER_BYTES_PER_CELL * scene.layers.len();
     Requirements {
         bytes_per_px,
+        all_bytes_per_px,
+        kept_bytes_per_px,
         block_px: TILE.1,
         ..Requirements::reaching(reach_px.ceil() as usize + beyond)
     }
@@ -120,10 +126,17 @@ fn in_focus(commands: &mut Commands, picture: &GpuPicture, frame: &LensFrame) ->
         cell_layers: cells.layers as u32,
         loss_per_px2: plan.in_focus.loss_per_px2,
         s_focus: plan.s_focus as f32,
-        _end: 0,
+        first_tile: 0,
     };
+    let work = vec![units(1); origins.len()];
     let tiles = commands.gpu.upload("the tiles in focus", &origins)?;
-    let buffers =
-        [Read(color), Read(&picture.disparity), Read(&tiles), Read(&cells.shifts), Write(frame.picture)];
-    commands.pass(&IN_FOCUS, picture.size.channels, &params, &buffers, per_pixel(origins.len()))
+    let buffers = [
+        Read(color),
+        Read(&picture.disparity),
+        Read(&tiles),
+        Read(&cells.shifts),
+        Write(frame.picture),
+    ];
+    let params = |first_tile| InFocusParams { first_tile, ..params };
+    commands.tiles(&IN_FOCUS, picture.size.channels, params, &buffers, (&work, GROUPS))
 }

@@ -1,6 +1,6 @@
 //! Tiles in which visibility has to be resolved for every lens sample.
 
-use super::frame::{LensFrame, MAX_LOOPS, origin};
+use super::frame::{LensFrame, MAX_LOOPS, origin, units};
 use crate::error::Result;
 use crate::gpu::commands::Bound::{Read, Write};
 use crate::gpu::commands::{Commands, pixels};
@@ -18,12 +18,14 @@ use std::collections::BTreeMap;
 
 pub const SWEEP: Shader = shader!(
     "lens/sweep",
-    ["mirror", "lens/depth_spans", "lens/half_planes"],
+    ["mirror", "interleaved", "lens/depth_spans", "lens/half_planes"],
     [SweepParams, Tile, LensSample, Segment]
 );
 
 /// Rows of a tile that one workgroup sweeps.
 pub const ROWS: usize = 16;
+/// The number of workgroups of a tile.
+const GROUPS: u32 = TILE.1.div_ceil(ROWS) as u32;
 /// Number of lens samples whose segments a workgroup tests together.
 pub const BATCH: usize = 64;
 /// A typical number of a sample's segments that contain cells near a tile.
@@ -40,6 +42,8 @@ shared! {
         first_sample: u32,
         end_sample: u32,
         front: u32,
+        first_tile: u32,
+        _end: u32,
     }
 }
 
@@ -193,8 +197,10 @@ pub fn pass(commands: &mut Commands, frame: &LensFrame, drawn: &wgpu::Buffer) ->
         first_sample: 0,
         end_sample: 0,
         front: (cells.front * cells.size.pixels()) as u32,
+        first_tile: 0,
+        _end: 0,
     };
-    let groups = [tiles.len() as u32, TILE.1.div_ceil(ROWS) as u32, 1];
+    let samples: Vec<usize> = tiles.iter().map(|tile| tile.samples as usize).collect();
     let traces = gpu.upload("the traces of the samples", &traces)?;
     let tiles = gpu.upload("the tiles that are swept", &tiles)?;
     let windows = gpu.upload("the depths around tiles", &windows)?;
@@ -215,12 +221,16 @@ pub fn pass(commands: &mut Commands, frame: &LensFrame, drawn: &wgpu::Buffer) ->
     let at_once = (MAX_LOOPS / loops_a_batch).max(1) * BATCH;
     let most = plan.sample_sets.keys().copied().max().unwrap_or(0);
     for first_sample in (0..most).step_by(at_once) {
-        let params = SweepParams {
+        let of_pass =
+            |samples: &usize| units(samples.saturating_sub(first_sample).min(at_once) * cells.layers);
+        let work: Vec<f64> = samples.iter().map(of_pass).collect();
+        let params = |first_tile| SweepParams {
             first_sample: first_sample as u32,
             end_sample: (first_sample + at_once) as u32,
+            first_tile,
             ..params
         };
-        commands.pass(&SWEEP, cells.size.channels, &params, &buffers, groups)?;
+        commands.tiles(&SWEEP, cells.size.channels, params, &buffers, (&work, GROUPS))?;
     }
     Ok(())
 }

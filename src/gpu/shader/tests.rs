@@ -16,7 +16,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// All shaders.
-const SHADERS: [Shader; 33] = [
+pub const SHADERS: [Shader; 33] = [
     by_focus::BY_FOCUS,
     falloff::FALLOFF,
     gaussian::HALVE,
@@ -56,7 +56,7 @@ const SHADERS: [Shader; 33] = [
 const MOST_BUFFERS: usize = 8;
 
 /// Validates a shader with only those capabilities that every GPU has.
-fn validated(shader: &Shader) -> (Module, ModuleInfo) {
+pub fn validated(shader: &Shader) -> (Module, ModuleInfo) {
     let module = wgsl::parse_str(shader.source)
         .unwrap_or_else(|error| panic!("{}", error.emit_to_string(shader.source)));
     let info = Validator::new(ValidationFlags::all(), Capabilities::empty())

@@ -48,11 +48,14 @@ pub const BEHIND: Shader = shader!(
     ["mirror", "picture", "defocus", "sprites/circles", "sprites/light"],
     [Params, Defocus]
 );
-pub const REST: Shader =
-    shader!("sprites/rest", ["mirror", "picture", "defocus", "sprites/circles"], [Params, Defocus]);
+pub const REST: Shader = shader!(
+    "sprites/rest",
+    ["mirror", "picture", "interleaved", "defocus", "sprites/circles"],
+    [Params, Defocus]
+);
 pub const IN_FRONT: Shader = shader!(
     "sprites/in_front",
-    ["mirror", "picture", "defocus", "sprites/circles", "sprites/light"],
+    ["mirror", "picture", "interleaved", "defocus", "sprites/circles", "sprites/light"],
     [Params, Defocus]
 );
 
@@ -81,7 +84,8 @@ shared! {
         end_row: i32,
         threshold_px: f32,
         max_coc_px: f32,
-        _gap: [u32; 2],
+        top: u32,
+        _gap: u32,
         shift: Defocus,
     }
 }
@@ -126,7 +130,11 @@ pub enum Depth {
 pub fn requirements(settings: &Settings, largest_px: f64) -> Requirements {
     let reach_px = largest_px.min(settings.max_coc_px()).ceil() as usize + 6;
     let bytes_per_px = size_of::<[f32; 4]>();
-    Requirements { bytes_per_px, around_px: reach_px, block_px: 2, ..Requirements::reaching(2 * reach_px) }
+    // The list, the sums of the rest, and for every fourth pixel the light of two layers and the targets.
+    let light = size_of::<[f32; 4]>() + size_of::<f32>();
+    let all_bytes_per_px = size_of::<Point>() + light + (3 * light).div_ceil(4);
+    let reaching = Requirements::reaching(2 * reach_px);
+    Requirements { bytes_per_px, all_bytes_per_px, around_px: reach_px, block_px: 2, ..reaching }
 }
 
 /// The step with which sprites at a disparity are drawn.
@@ -168,7 +176,8 @@ pub fn render(
         end_row: 0,
         threshold_px: settings.threshold_px() as f32,
         max_coc_px: settings.max_coc_px() as f32,
-        _gap: [0; 2],
+        top: 0,
+        _gap: 0,
         shift: optics.defocus(Measure::Shift, 1.0).into(),
     };
     let boundaries = gpu.upload("the boundaries between steps", &boundaries)?;
@@ -191,7 +200,10 @@ pub fn render(
         let sums = [Read(&colors), Read(&seen)];
         let light = [Read(&light.color), Read(&light.coverage)];
         let buffers = [input[0], input[1], light[0], light[1], sums[0], sums[1], Write(&picture)];
-        commands.pass(&IN_FRONT, size.channels, &params, &buffers, on_all)?;
+        // A pixel in front reads the rows of a square.
+        let work = (size.width, size.height, 1 + 2 * points.reach);
+        let params = |top| Params { top, ..params };
+        commands.rows(&IN_FRONT, size.channels, params, &buffers, work)?;
     }
     Ok(picture)
 }
@@ -284,8 +296,9 @@ impl Points<'_> {
         let rows_at_once = (MAX_READS / (2 * self.reach + 2)).max(1);
         for first_row in (-reach..reach + 2).step_by(rows_at_once) {
             let end_row = (first_row + rows_at_once as i32).min(reach + 2);
-            let params = Params { layer: depth as u32, first_row, end_row, ..self.params };
-            commands.pass(&GATHER, self.scene.size.channels, &params, &buffers, groups(width, height))?;
+            let params = |top| Params { layer: depth as u32, first_row, end_row, top, ..self.params };
+            let work = (width, height, rows_at_once * (2 * self.reach + 2));
+            commands.rows(&GATHER, self.scene.size.channels, params, &buffers, work)?;
         }
         Ok(())
     }

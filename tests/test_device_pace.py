@@ -1,0 +1,91 @@
+"""Work is submitted to a device in pieces: they change no bit, and what was cancelled soon ends."""
+
+import functools
+import os
+
+import dofsim
+import numpy as np
+import pytest
+from both_devices import CASES, CLIPPED, FLAWS, through
+from interrupts import HANG_S, assert_prompt
+from test_device_faults import start, stop
+
+
+@pytest.fixture
+def paced():
+    """Set the time that a submission should take until the end of the test."""
+    from dofsim._dofsim import restrict_devices
+
+    yield lambda seconds: restrict_devices(submission_s=seconds)
+    restrict_devices()
+
+
+@pytest.mark.parametrize("flaw", ["thin", "all", "full"])
+@pytest.mark.parametrize("method", CASES)
+def test_pieces_of_any_size_give_the_same_bits(gpu, paced, method, flaw):
+    from dofsim._dofsim import device_submissions
+
+    if flaw in CLIPPED and method != "lens":
+        pytest.skip("only the flagship honours cat_eye")
+    flaw = {"thin": {}, **FLAWS, **CLIPPED}[flaw]
+    call = functools.partial(through, flaw, gpu, method)
+    paced(1e3)
+    whole = call()
+    assert device_submissions()[0] == 1
+    paced(1e-6)
+    for _ in range(3):
+        np.testing.assert_array_equal(call(), whole)
+    # A submission of each row of tiles or workgroups at least, or of each pass.
+    assert device_submissions()[0] > 3 * 2
+
+
+def test_work_of_two_threads_is_not_mixed_up(gpu, paced):
+    from concurrent.futures import ThreadPoolExecutor
+
+    expected = [through(FLAWS["all"], gpu, method) for method in CASES]
+    paced(1e-6)
+    with ThreadPoolExecutor(4) as pool:
+        for _ in range(3):
+            found = list(pool.map(functools.partial(through, FLAWS["all"], gpu), CASES))
+            for one, other in zip(found, expected, strict=True):
+                np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are sent the POSIX way")
+def test_a_device_is_free_soon_after_an_interrupt(gpu):
+    """What was recorded but not submitted is not computed: the next picture does not wait for it."""
+    child = start(
+        """
+        one = scene(600, 800, device=device)
+        small = scene(20, 20, device=device)
+        small.render(lens, method="taps")
+        one.render(lens, views=64)
+        print(interrupted(lambda: one.render(lens, views=8192), 2.0, wall_s=3.0), flush=True)
+        began = time.process_time()
+        small.render(lens, method="taps")
+        print("interrupted", time.process_time() - began, flush=True)
+        os._exit(0)
+        """,
+        gpu,
+    )
+    try:
+        out, err = child.communicate(timeout=HANG_S)
+    finally:
+        stop(child)
+    assert child.returncode == 0, err
+    interrupted, waited = out.strip().splitlines()
+    if interrupted == "finished":
+        pytest.skip("the device was done before it could be interrupted")
+    assert_prompt(waited, 1.0)
+
+
+def test_times_of_all_pieces_are_told(gpu, paced):
+    depth = np.linspace(1.0, 4.0, 300)[:, None] * np.ones((1, 300))
+    scene = dofsim.Scene(np.ones((300, 300, 3)), depth, device=gpu)
+    lens = dofsim.Lens(aperture_radius=0.05, focus_distance=2.0, fov=40.0)
+    expected = dict(scene.profile(lens))
+    paced(1e-6)
+    scene.render(lens)
+    times = dict(scene.profile(lens))
+    assert list(times) == list(expected)
+    assert all(milliseconds > 0.0 for milliseconds in times.values())
