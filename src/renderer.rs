@@ -61,6 +61,21 @@ impl Renderer {
     }
 }
 
+impl Renderer {
+    /// The gradients of a render on the CPU; see [`cpu::adjoint`].
+    pub fn gradient<T>(
+        &self,
+        imaging: &Imaging,
+        method: &Method,
+        simd: Simd,
+        cancel: &Cancel,
+        of: impl FnOnce(&cpu::render::Exposure) -> Result<T>,
+    ) -> Result<T> {
+        let scene = &self.scene;
+        of(&cpu::render::Exposure { scene, imaging, method, simd, cancel })
+    }
+}
+
 /// Bounds the last channel of an interleaved picture by 1: no pixel is covered more than wholly.
 ///
 /// Weights of a mean add up to 1 but for rounding. And sharpening undoes the blur of drawing cells at fractions of a

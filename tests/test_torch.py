@@ -9,7 +9,7 @@ tv_tensors = pytest.importorskip("torchvision.tv_tensors")
 v2 = pytest.importorskip("torchvision.transforms.v2")
 
 from dofsim._relative import range_of  # noqa: E402
-from dofsim.torch import Depth, DepthOfField, RandomDepthOfField  # noqa: E402
+from dofsim.torch import Depth, DepthOfField, RandomDepthOfField, render  # noqa: E402
 
 LENS = dofsim.Lens(aperture_radius=0.01, focus_distance=1.0, fov=40.0)
 
@@ -221,3 +221,85 @@ def test_pictures_of_a_clip_have_one_scale_of_relative_depth():
         one = dofsim.Lens.from_disparity(**drawn)
         expected = dofsim.coc(depth[i].numpy(), one, depth_kind="relative", depth_range=scale)
         np.testing.assert_allclose(out["depth"][i].numpy(), expected, atol=1e-4)
+
+
+# Gradients
+
+
+def pictures():
+    generator = torch.Generator().manual_seed(4)
+    color = torch.rand(2, 3, 24, 32, generator=generator)
+    depth = torch.where(torch.arange(32) < 12, 1.5, 4.0).expand(2, 24, 32).contiguous()
+    return color, depth
+
+
+def test_a_render_with_gradients_is_the_render_and_they_are_those_of_vjp():
+    color, depth = (tensor.requires_grad_() for tensor in pictures())
+    focus = torch.tensor([2.0, 3.0], dtype=torch.float64, requires_grad=True)
+    radius = torch.tensor(0.05, dtype=torch.float64, requires_grad=True)
+    out = render(color, depth, focus, radius, fov=40.0)
+    weights = torch.rand(out.shape, generator=torch.Generator().manual_seed(5))
+    out.backward(weights)
+    by_radius = 0.0
+    for i in range(2):
+        lens = dofsim.Lens(aperture_radius=0.05, focus_distance=float(focus[i]), fov=40.0)
+        pixels, plane = color[i].detach().numpy().transpose(1, 2, 0), depth[i].detach().numpy()
+        expected = dofsim.render(pixels, plane, lens, device="cpu")
+        np.testing.assert_array_equal(out[i].detach().numpy().transpose(1, 2, 0), expected)
+        names = ("color", "depth", "focus_distance", "aperture_radius")
+        found = dofsim.vjp(pixels, plane, lens, weights[i].numpy().transpose(1, 2, 0), wrt=names)
+        np.testing.assert_array_equal(color.grad[i].numpy().transpose(1, 2, 0), found["color"])
+        np.testing.assert_array_equal(depth.grad[i].numpy(), found["depth"])
+        assert float(focus.grad[i]) == pytest.approx(found["focus_distance"])
+        by_radius += found["aperture_radius"]
+    assert radius.grad.shape == ()
+    assert float(radius.grad) == pytest.approx(by_radius)
+
+
+def test_only_what_needs_a_gradient_gets_one():
+    color, depth = pictures()
+    depth.requires_grad_()
+    render(color, depth.unsqueeze(1), 2.0, 0.05, fov=40.0).sum().backward()
+    assert color.grad is None
+    assert depth.grad.shape == depth.shape
+
+
+def test_vmap_renders_one_picture_after_another():
+    color, depth = pictures()
+    focus = torch.tensor([2.0, 3.0])
+
+    def one(color, depth, focus):
+        return render(color, depth, focus, 0.05, fov=40.0)
+
+    mapped = torch.func.vmap(one)(color, depth, focus)
+    assert torch.equal(mapped, render(color, depth, focus, 0.05, fov=40.0))
+    shared = torch.func.vmap(one, in_dims=(None, None, 0))(color[0], depth[0], focus)
+    assert torch.equal(shared[1], one(color[0], depth[0], focus[1]))
+
+
+def test_an_optimiser_finds_the_focus():
+    color, depth = pictures()
+    wanted = render(color[0], depth[0], 2.0, 0.05, fov=40.0)
+    focus = torch.tensor(2.3, dtype=torch.float64, requires_grad=True)
+    optimiser = torch.optim.Adam([focus], lr=0.05)
+    for _ in range(60):
+        optimiser.zero_grad()
+        (render(color[0], depth[0], focus, 0.05, fov=40.0) - wanted).square().sum().backward()
+        optimiser.step()
+    assert float(focus.detach()) == pytest.approx(2.0, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"color": torch.rand(24, 32)}, r"color must have shape \(\.\.\., C, H, W\); got \(24, 32\)"),
+        ({"depth": torch.rand(24, 31)}, "depth must have shape"),
+        ({"color": np.ones((3, 24, 32))}, "color must be a tensor; got ndarray"),
+        ({"focus_distance": torch.ones(3)}, "focus_distance must be a number, or one for each picture"),
+        ({"color": torch.rand(3, 24, 32, device="meta")}, "color must be on the CPU"),
+    ],
+)
+def test_what_a_render_with_gradients_refuses(changes, message):
+    words = {"color": torch.rand(3, 24, 32), "depth": torch.ones(24, 32), "focus_distance": 2.0, **changes}
+    with pytest.raises((ValueError, TypeError), match=message):
+        render(**words, aperture_radius=0.05, fov=40.0)

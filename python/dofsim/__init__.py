@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from dofsim import photo as photo
     from dofsim import plot as plot
     from dofsim import presets as presets
+    from dofsim._gradients import jvp, vjp
     from dofsim._ids import render_ids
     from dofsim.cameras import Camera
     from dofsim.picker import FocusPicker as FocusPicker
@@ -49,6 +50,7 @@ __all__ = [
     "coc",
     "devices",
     "focus_pull",
+    "jvp",
     "layers_from_matte",
     "layers_from_views",
     "refine_depth",
@@ -56,6 +58,7 @@ __all__ = [
     "render",
     "render_ids",
     "restore_highlights",
+    "vjp",
 ]
 
 _MODULES = ("batch", "cameras", "io", "metrics", "photo", "presets")
@@ -73,6 +76,8 @@ def __getattr__(name: str) -> Any:
         from dofsim._ids import render_ids
 
         return render_ids
+    if name in ("jvp", "vjp"):
+        return getattr(import_module("dofsim._gradients"), name)
     if name == "FocusPicker":
         from dofsim.picker import FocusPicker
 

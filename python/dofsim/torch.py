@@ -1,4 +1,4 @@
-"""Depth of field in PyTorch: a transform of torchvision's v2 interface, and a data set of such pictures.
+"""Depth of field in PyTorch: a transform of torchvision's v2 interface, a data set, and a render with gradients.
 
 Needs PyTorch and torchvision, the extra ``torch``. Tensors on the CPU are handed over without a copy.
 """
@@ -6,7 +6,8 @@ Needs PyTorch and torchvision, the extra ``torch``. Tensors on the CPU are hande
 from __future__ import annotations
 
 import warnings
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import Any, Literal
 
 import numpy as np
 import torch
@@ -17,9 +18,10 @@ from torchvision.transforms import v2
 
 import dofsim
 from dofsim._dofsim import focusable_pixels
+from dofsim._gradients import vjp
 from dofsim._relative import range_of
 
-__all__ = ["Depth", "DepthOfField", "RandomDepthOfField"]
+__all__ = ["Depth", "DepthOfField", "RandomDepthOfField", "render"]
 
 
 def __dir__() -> list[str]:
@@ -28,6 +30,151 @@ def __dir__() -> list[str]:
 
 
 _DEPTH_WORDS = ("depth_kind", "near", "far", "depth_range", "invalid")
+
+
+def render(
+    color: torch.Tensor,
+    depth: torch.Tensor,
+    focus_distance: torch.Tensor | float,
+    aperture_radius: torch.Tensor | float,
+    *,
+    fov: float,
+    fov_axis: Literal["x", "y", "diagonal", "smaller", "larger"] = "x",
+    **options: Any,
+) -> torch.Tensor:
+    """Return pictures that a thin lens would have taken, with gradients by all four tensors.
+
+    Parameters
+    ----------
+    color : Tensor
+        Pinhole pictures in linear light, floats of shape (..., C, H, W) with 1 to 4 channels.
+    depth : Tensor
+        What each pixel sees, in metres unless ``depth_kind`` says otherwise, shape (..., H, W) or (..., 1, H, W).
+    focus_distance, aperture_radius : Tensor or float
+        The lens, in metres: numbers, or one for each picture, of shape (...).
+    fov : float
+        Field of view in degrees along `fov_axis`.
+    fov_axis : {"x", "y", "diagonal", "smaller", "larger"}, optional
+        As in `dofsim.Lens`.
+    **options
+        ``depth_kind``, ``depth_range``, ``aperture``, ``max_coc_px``, ``threads`` and ``views``, as in
+        `dofsim.vjp`. In a worker of a data loader ``threads`` is 1 unless given.
+
+    Returns
+    -------
+    Tensor
+        Of the shape and the dtype of `color`.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If an argument cannot be used.
+
+    Notes
+    -----
+    The gradients are those of `dofsim.vjp`. They cannot be differentiated again. `torch.func.vmap` renders one
+    picture after another.
+
+    Examples
+    --------
+    >>> import torch
+    >>> from dofsim.torch import render
+    >>> color, depth = torch.rand(2, 3, 24, 32), torch.full((2, 24, 32), 4.0)
+    >>> focus = torch.tensor(2.0, requires_grad=True)
+    >>> render(color, depth, focus, 0.05, fov=40.0).square().sum().backward()
+    >>> focus.grad.shape
+    torch.Size([])
+    """
+    if get_worker_info() is not None:
+        options.setdefault("threads", 1)
+    words = {"fov": fov, "fov_axis": fov_axis}
+    for name, tensor in (("color", color), ("depth", depth)):
+        if not isinstance(tensor, torch.Tensor):
+            raise TypeError(f"{name} must be a tensor; got {type(tensor).__name__}")
+        if tensor.device.type != "cpu":
+            raise ValueError(f"{name} must be on the CPU, where it is rendered; got a tensor on {tensor.device}")
+    if color.ndim < 3:
+        raise ValueError(f"color must have shape (..., C, H, W); got {tuple(color.shape)}")
+    batch, size = color.shape[:-3], color.shape[-2:]
+    if depth.shape == (*batch, 1, *size):
+        depth = depth.squeeze(-3)
+    if depth.shape != (*batch, *size):
+        raise ValueError(
+            f"depth must have shape (..., H, W) or (..., 1, H, W) where color has (..., C, H, W); got "
+            f"{tuple(depth.shape)} and {tuple(color.shape)}"
+        )
+    numbers = []
+    for name, number in (("focus_distance", focus_distance), ("aperture_radius", aperture_radius)):
+        tensor = torch.as_tensor(number, dtype=None if torch.is_tensor(number) else torch.float64)
+        if tensor.shape not in ((), batch):
+            raise ValueError(
+                f"{name} must be a number, or one for each picture, of shape {tuple(batch)}; got shape "
+                f"{tuple(tensor.shape)}"
+            )
+        numbers.append(tensor.expand(batch))
+    return _Render.apply(color, depth, *numbers, words, options)
+
+
+class _Render(torch.autograd.Function):
+    """The render of pictures with any number of leading axes."""
+
+    @staticmethod
+    def forward(
+        color: torch.Tensor,
+        depth: torch.Tensor,
+        focus_distance: torch.Tensor,
+        aperture_radius: torch.Tensor,
+        lens_words: dict[str, Any],
+        options: dict[str, Any],
+    ) -> torch.Tensor:
+        given = (color, depth, focus_distance, aperture_radius)
+        pictures = [
+            np.moveaxis(dofsim.render(pixels, plane, lens, device="cpu", **options), -1, 0)
+            for pixels, plane, lens in _each(given, lens_words)
+        ]
+        return torch.from_numpy(np.stack(pictures)).reshape(color.shape)
+
+    @staticmethod
+    def setup_context(ctx: Any, inputs: tuple[Any, ...], output: torch.Tensor) -> None:
+        *given, ctx.lens_words, ctx.options = inputs
+        ctx.save_for_backward(*given)
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx: Any, cotangent: torch.Tensor) -> tuple[Any, ...]:
+        given = ctx.saved_tensors
+        names = ("color", "depth", "focus_distance", "aperture_radius")
+        wrt = [name for name, needed in zip(names, ctx.needs_input_grad, strict=False) if needed]
+        weights = np.moveaxis(_array(cotangent).reshape(-1, *cotangent.shape[-3:]), 1, -1)
+        found: dict[str, list[Any]] = {name: [] for name in wrt}
+        for one, weight in zip(_each(given, ctx.lens_words), weights, strict=True):
+            for name, value in vjp(*one, weight, wrt=wrt, **ctx.options).items():
+                found[name].append(np.moveaxis(value, -1, 0) if name == "color" else value)
+        gradients = [
+            torch.from_numpy(np.array(found[name])).reshape(tensor.shape).to(tensor.dtype) if name in found else None
+            for name, tensor in zip(names, given, strict=True)
+        ]
+        return (*gradients, None, None)
+
+    @staticmethod
+    def vmap(info: Any, in_dims: tuple[int | None, ...], *inputs: Any) -> tuple[torch.Tensor, int]:
+        tensors, words = inputs[:4], inputs[4:]
+        moved = [
+            tensor.expand(info.batch_size, *tensor.shape) if dim is None else tensor.movedim(dim, 0)
+            for tensor, dim in zip(tensors, in_dims, strict=False)
+        ]
+        return _Render.apply(*moved, *words), 0
+
+
+def _each(given: Sequence[torch.Tensor], lens_words: dict[str, Any]) -> Iterator[tuple[Any, Any, dofsim.Lens]]:
+    """Give the picture, the depth and the lens of each picture of a batch; channels last, as a view."""
+    color, depth, focus_distance, aperture_radius = (_array(tensor) for tensor in given)
+    pixels = np.moveaxis(color.reshape(-1, *color.shape[-3:]), 1, -1)
+    planes = depth.reshape(-1, *depth.shape[-2:])
+    numbers = zip(focus_distance.reshape(-1), aperture_radius.reshape(-1), strict=True)
+    for one, plane, (focus, radius) in zip(pixels, planes, numbers, strict=True):
+        lens = dofsim.Lens(aperture_radius=float(radius), focus_distance=float(focus), **lens_words)
+        yield one, plane, lens
 
 
 class Depth(tv_tensors.Mask):

@@ -1,6 +1,7 @@
 //! The CPU path, which carries out the plans. [`render`] is the sequence of steps for a picture; a method is a file
 //! or a folder.
 
+pub mod adjoint;
 mod enlarge;
 mod falloff;
 mod gaussian;

@@ -1,5 +1,6 @@
 //! Averages a super-sampled picture down to the pixels of the output.
 
+use crate::memory::Buffer;
 use crate::picture::Size;
 use rayon::prelude::*;
 
@@ -20,4 +21,20 @@ pub fn box_average(full: &[f32], size: Size, n: usize, out: &mut [f32]) {
             }
         }
     });
+}
+
+/// The adjoint of [`box_average`]: every pixel of `size`, interleaved, with its part of the mean that it is in.
+pub fn spread(means: &[f32], size: Size, n: usize) -> Buffer<f32> {
+    let channels = size.channels;
+    let scale = 1.0 / (n * n) as f32;
+    let mut full = Buffer::unset(size.pixels() * channels);
+    full.par_chunks_mut(size.width * channels).enumerate().for_each(|(y, row)| {
+        let source = &means[y / n * (size.width / n) * channels..];
+        for (pixels, v) in row.chunks_exact_mut(n * channels).zip(source.chunks_exact(channels)) {
+            for pixel in pixels.chunks_exact_mut(channels) {
+                pixel.iter_mut().zip(v).for_each(|(out, v)| *out = scale * v);
+            }
+        }
+    });
+    full
 }

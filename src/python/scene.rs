@@ -16,14 +16,15 @@ use super::methods::read_method;
 use super::output::Output;
 use super::output_grid::OutputGrid;
 use super::refine::Refining;
-use super::run::simd;
+use super::run::{detached, simd};
+use crate::cpu::adjoint::ByDepth;
 use crate::depth::{DepthKind, Invalid, Rays};
 use crate::device::Device;
 use crate::method::Method;
 use crate::optics::{Imaging, Lens, MaxRadius};
 use crate::picture::Size;
 use crate::renderer::{PassTime, Renderer};
-use numpy::{PyArray1, PyArrayMethods};
+use numpy::{PyArray1, PyArrayMethods, PyReadonlyArrayDyn};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -367,6 +368,45 @@ impl PyScene {
             ));
         }
         Ok(times)
+    }
+
+    /// How the sum of the rendered picture, weighted by `cotangent`, changes: with `color`, or with depth and the lens.
+    ///
+    /// For `dofsim.vjp`, which has checked the cotangent. Returns an array like `color` in float32; or with ``depth=True`` one
+    /// for disparity, and the derivatives by the logarithm of the lens's strength and by the disparity in focus.
+    #[pyo3(signature = (lens, cotangent, *, depth=false, aperture=None, max_coc_px=None, threads=None, **options))]
+    #[expect(clippy::too_many_arguments, reason = "those of a render, keyword-only in Python")]
+    fn _gradient<'py>(
+        &self,
+        py: Python<'py>,
+        lens: &PyLens,
+        cotangent: PyReadonlyArrayDyn<'py, f32>,
+        depth: bool,
+        aperture: Option<&PyAperture>,
+        #[pyo3(from_py_with = argument::max_coc_px)] max_coc_px: Option<f64>,
+        #[pyo3(from_py_with = argument::threads)] threads: Option<usize>,
+        options: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (method, max_radius) = read_method("lens", aperture, max_coc_px, options)?;
+        let size = self.input.size;
+        let lens = &lens.core;
+        method.check(lens, self.input.layers(), self.input.format.lights(size))?;
+        let imaging = Imaging { max_radius, ..self.grid.geometry(size).imaging(lens)? };
+        let renderer = self.renderer(lens)?;
+        let simd = simd()?;
+        let cotangent = cotangent.as_slice()?;
+        let Size { height, width, channels } = size;
+        if !depth {
+            let by_color = detached(py, threads, |cancel| {
+                renderer.gradient(&imaging, &method, simd, cancel, |exposure| exposure.adjoint(cotangent))
+            })?;
+            return Ok(PyArray1::from_slice(py, &by_color).reshape([height, width, channels])?.into_any());
+        }
+        let ByDepth { disparity, log_k, d_focus } = detached(py, threads, |cancel| {
+            renderer.gradient(&imaging, &method, simd, cancel, |exposure| exposure.by_depth(cotangent))
+        })?;
+        let disparity = PyArray1::from_slice(py, &disparity).reshape([height, width])?;
+        Ok((disparity, log_k, d_focus).into_pyobject(py)?.into_any())
     }
 
     fn __repr__(&self) -> String {

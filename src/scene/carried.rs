@@ -16,18 +16,7 @@ pub fn of_mixed(frame: &FrontLayer, mixed: &[MixedPixel], groups: &[ChannelGroup
         return Vec::new();
     }
     let of_pixel = |&m: &MixedPixel| {
-        let (x, y) = (m.index % frame.size.width, m.index / frame.size.width);
-        let (s_front, s_back) = surfaces(frame, x, y);
-        let ends = [(m.recipe.front, s_front), (m.recipe.back, s_back)].map(|(source, s)| {
-            let mut pixels = Vec::new();
-            match source {
-                PureSource::Around => pure_pixels(frame, (x, y), s, |q, _, weight| pixels.push((q, weight))),
-                PureSource::Pixel(q) => pixels.push((q as usize, 1.0)),
-            }
-            let all: f32 = pixels.iter().map(|(_, weight)| weight).sum();
-            pixels.iter_mut().for_each(|(_, weight)| *weight /= all);
-            pixels
-        });
+        let ends = pure_ends(frame, &m);
         groups.iter().map(move |group| {
             let pure = ends.each_ref().map(|pixels| {
                 let mut sum = [0.0; 4];
@@ -40,6 +29,22 @@ pub fn of_mixed(frame: &FrontLayer, mixed: &[MixedPixel], groups: &[ChannelGroup
         })
     };
     mixed.par_iter().flat_map_iter(of_pixel).collect()
+}
+
+/// The pixels, with their weights, whose mean is the pure value of each surface of a mixed pixel.
+pub fn pure_ends(frame: &FrontLayer, m: &MixedPixel) -> [Vec<(usize, f32)>; 2] {
+    let (x, y) = (m.index % frame.size.width, m.index / frame.size.width);
+    let (s_front, s_back) = surfaces(frame, x, y);
+    [(m.recipe.front, s_front), (m.recipe.back, s_back)].map(|(source, s)| {
+        let mut pixels = Vec::new();
+        match source {
+            PureSource::Around => pure_pixels(frame, (x, y), s, |q, _, weight| pixels.push((q, weight))),
+            PureSource::Pixel(q) => pixels.push((q as usize, 1.0)),
+        }
+        let all: f32 = pixels.iter().map(|(_, weight)| weight).sum();
+        pixels.iter_mut().for_each(|(_, weight)| *weight /= all);
+        pixels
+    })
 }
 
 /// The values of the cells in front in each group of channels, which were `given` for each pixel.

@@ -29,20 +29,20 @@ const MARGIN_PX: f32 = 2.0;
 const SPACINGS_PX: [usize; 2] = [4, 2];
 
 /// A hidden pixel that was inpainted.
-pub struct Hidden {
+pub struct Hidden<L = Vec<[f32; 4]>> {
     pub index: usize,
     pub s: f32,
     pub color: [f32; 4],
-    /// Its values in each group of carried channels.
-    pub carried: Vec<[f32; 4]>,
+    /// What is carried along; for channels, its values in each group of them.
+    pub carried: L,
 }
 
 /// The surface on which the rays of all directions agree.
 #[derive(Clone)]
-struct Found {
+struct Found<L> {
     s: f32,
     color: [f32; 4],
-    carried: Vec<[f32; 4]>,
+    carried: L,
 }
 
 /// Where a ray left the foreground.
@@ -247,7 +247,7 @@ fn surface_of(exits: &[Exit]) -> Option<f32> {
 }
 
 /// The hidden surface, merged from the exits around it. The first `lights` channels of their colours hold light.
-fn merge(exits: &[Exit], lights: usize, cargo: &Cargo) -> Option<Found> {
+fn merge<C: Cargo>(exits: &[Exit], lights: usize, cargo: &C) -> Option<Found<C::Load>> {
     let surface = surface_of(exits)?;
     let on_surface = |h: &&Exit| (h.s - surface).abs() < SAME_SURFACE_PX;
 
@@ -275,18 +275,16 @@ fn merge(exits: &[Exit], lights: usize, cargo: &Cargo) -> Option<Found> {
         return None;
     }
     let mut carried = cargo.nothing();
-    if !carried.is_empty() {
-        kept().for_each(|h| cargo.add(&mut carried, 1.0 / h.distance / weight, h.source));
-    }
+    kept().for_each(|h| cargo.add(&mut carried, 1.0 / h.distance / weight, h.source));
     Some(Found { s: s / weight, color: color.map(|c| c / weight), carried })
 }
 
 /// The search for hidden surfaces.
-struct Search<'a> {
+struct Search<'a, C> {
     around: Surfaces<'a>,
     /// See [`hidden`].
     hiding: &'a [f32],
-    cargo: Cargo<'a>,
+    cargo: C,
     blocks: ShiftBounds,
     /// See [`ShiftBounds::farthest_uncovered`].
     farthest: Vec<Option<f32>>,
@@ -297,22 +295,22 @@ struct Search<'a> {
 
 /// The result of the search behind a pixel.
 #[derive(Clone)]
-enum Answer {
+enum Answer<L> {
     /// The pixel has not been searched.
     Unknown,
     /// The lens sees nothing behind it.
     Nothing,
-    Surface(Found),
+    Surface(Found<L>),
 }
 
 /// The results behind a grid of pixels of a block, from which the pixels in between are interpolated.
-struct Grid {
+struct Grid<L> {
     origin: (usize, usize),
     spacing: usize,
-    answers: Vec<Answer>,
+    answers: Vec<Answer<L>>,
 }
 
-impl Search<'_> {
+impl<C: Cargo> Search<'_, C> {
     /// The shift of the surface that hides something at pixel `index`; `None` where the hidden surface is already
     /// known.
     fn front(&self, index: usize) -> Option<f32> {
@@ -327,7 +325,13 @@ impl Search<'_> {
     }
 
     /// Searches behind a pixel in all directions, `margin_px` farther than the lens sees.
-    fn find(&self, (x, y): (usize, usize), s_front: f32, s_farthest: f32, margin_px: f32) -> Option<Found> {
+    fn find(
+        &self,
+        (x, y): (usize, usize),
+        s_front: f32,
+        s_farthest: f32,
+        margin_px: f32,
+    ) -> Option<Found<C::Load>> {
         let Surfaces { frame, edge_distance, .. } = self.around;
         let index = y * frame.size.width + x;
         let behind = s_front - s_farthest;
@@ -353,7 +357,7 @@ impl Search<'_> {
     /// The farther away the edges are, the farther apart rays in neighbouring directions leave the foreground. The
     /// hidden surface is known no more finely than that. So only pixels that are nearer to an edge than some distance
     /// need more than the grid.
-    fn grid(&self, origin: (usize, usize), spacing: usize, coarser: Option<&Grid>) -> Grid {
+    fn grid(&self, origin: (usize, usize), spacing: usize, coarser: Option<&Grid<C::Load>>) -> Grid<C::Load> {
         let size = self.around.frame.size;
         let least_px = (spacing * DIRECTIONS) as f32 / std::f32::consts::TAU;
         let answer = |(x, y): (usize, usize)| {
@@ -364,7 +368,8 @@ impl Search<'_> {
             if f32::from(self.around.edge_distance[index]) < least_px {
                 return Answer::Unknown;
             }
-            match (coarser.map_or(Answer::Unknown, |grid| grid.at((x, y))), self.farthest[block]) {
+            match (coarser.map_or(Answer::Unknown, |grid| grid.at((x, y), &self.cargo)), self.farthest[block])
+            {
                 (Answer::Unknown, None) => Answer::Nothing,
                 (Answer::Unknown, Some(s_farthest)) => {
                     // The margin is wider by the spacing, so that pixels between grid points that see nothing see
@@ -383,9 +388,9 @@ impl Search<'_> {
     }
 }
 
-impl Grid {
+impl<L: Clone> Grid<L> {
     /// The result for a pixel, interpolated between the four grid points around it if they agree.
-    fn at(&self, (x, y): (usize, usize)) -> Answer {
+    fn at<C: Cargo<Load = L>>(&self, (x, y): (usize, usize), cargo: &C) -> Answer<L> {
         let (x, y, across) = (x - self.origin.0, y - self.origin.1, BLOCK / self.spacing + 1);
         let first = y / self.spacing * across + x / self.spacing;
         let [right, below] = [x, y].map(|v| (v % self.spacing) as f32 / self.spacing as f32);
@@ -404,8 +409,7 @@ impl Grid {
                 if all { Answer::Nothing } else { Answer::Unknown }
             }
             Answer::Surface(one) => {
-                let carried = vec![[0.0; 4]; one.carried.len()];
-                let mut mean = Found { s: 0.0, color: [0.0; 4], carried };
+                let mut mean = Found { s: 0.0, color: [0.0; 4], carried: cargo.nothing() };
                 for (answer, weight) in corners {
                     let Answer::Surface(found) = answer else { return Answer::Unknown };
                     if (found.s - one.s).abs() >= SAME_SURFACE_PX {
@@ -415,9 +419,7 @@ impl Grid {
                     for c in 0..4 {
                         mean.color[c] += weight * found.color[c];
                     }
-                    for (sum, values) in mean.carried.iter_mut().zip(&found.carried) {
-                        sum.iter_mut().zip(values).for_each(|(sum, v)| *sum += weight * v);
-                    }
+                    C::add_load(&mut mean.carried, weight, &found.carried);
                 }
                 Answer::Surface(mean)
             }
@@ -427,13 +429,13 @@ impl Grid {
 
 /// Fills every pixel behind which the lens sees something and whose background is still unknown. `hiding` is the shift
 /// of the surface behind which each pixel is filled: the visible one, or the last one that is known.
-pub fn hidden(
+pub fn hidden<C: Cargo>(
     frame: &FrontLayer,
     hiding: &[f32],
     mixed: &[MixedPixel],
-    cargo: Cargo,
+    cargo: C,
     cancel: &Cancel,
-) -> Result<Vec<Hidden>> {
+) -> Result<Vec<Hidden<C::Load>>> {
     let (width, height) = (frame.size.width, frame.size.height);
     let blocks = ShiftBounds::new(frame, hiding);
     let s_min = blocks.min_s.iter().copied().fold(f32::INFINITY, f32::min);
@@ -464,7 +466,7 @@ pub fn hidden(
             for x in x0..(x0 + BLOCK).min(width) {
                 let index = y * width + x;
                 let Some(s_front) = search.front(index) else { continue };
-                let found = match grid.at((x, y)) {
+                let found = match grid.at((x, y), &search.cargo) {
                     Answer::Unknown => search.find((x, y), s_front, s_farthest, MARGIN_PX),
                     Answer::Nothing => None,
                     Answer::Surface(found) => Some(found),
@@ -483,12 +485,17 @@ pub fn hidden(
 
 #[cfg(test)]
 mod tests {
+    use super::super::recipe::Channels;
     use super::*;
     use crate::picture::Size;
 
     const SIDE: usize = BLOCK / SPACINGS_PX[0] + 1;
 
-    fn grid(answer: impl Fn(usize, usize) -> Answer) -> Grid {
+    const NOTHING: Channels = Channels { groups: &[], mixed: &[] };
+
+    type Load = Vec<[f32; 4]>;
+
+    fn grid(answer: impl Fn(usize, usize) -> Answer<Load>) -> Grid<Load> {
         let places = (0..SIDE * SIDE).map(|i| (i % SIDE, i / SIDE));
         Grid {
             origin: (32, 16),
@@ -497,7 +504,7 @@ mod tests {
         }
     }
 
-    fn surface(s: f32, gray: f32) -> Answer {
+    fn surface(s: f32, gray: f32) -> Answer<Load> {
         Answer::Surface(Found { s, color: [gray; 4], carried: Vec::new() })
     }
 
@@ -509,7 +516,9 @@ mod tests {
             surface(s, gray)
         });
         for (x, y) in (0..BLOCK * BLOCK).map(|i| (i % BLOCK, i / BLOCK)) {
-            let Answer::Surface(found) = grid.at((32 + x, 16 + y)) else { panic!("({x}, {y}) is unknown") };
+            let Answer::Surface(found) = grid.at((32 + x, 16 + y), &NOTHING) else {
+                panic!("({x}, {y}) is unknown")
+            };
             let (s, gray) = plane(x as f32, y as f32);
             assert!((found.s - s).abs() < 1e-4 && (found.color[0] - gray).abs() < 1e-4, "({x}, {y})");
         }
@@ -517,7 +526,7 @@ mod tests {
 
     #[test]
     fn a_grid_tells_only_what_all_of_its_pixels_around_agree_on() {
-        let known = |grid: &Grid, at: (usize, usize)| !matches!(grid.at(at), Answer::Unknown);
+        let known = |grid: &Grid<Load>, at: (usize, usize)| !matches!(grid.at(at, &NOTHING), Answer::Unknown);
         // In the second row and column, one grid point differs from the others.
         for other in [Answer::Unknown, Answer::Nothing, surface(5.0, 1.0)] {
             let grid = grid(|x, y| if (x, y) == (1, 1) { other.clone() } else { surface(0.0, 1.0) });
@@ -525,8 +534,8 @@ mod tests {
             assert!([(32, 16), (36, 16), (33, 16), (41, 17)].iter().all(|at| known(&grid, *at)));
         }
         let nothing = grid(|x, _| if x < 2 { Answer::Nothing } else { surface(0.0, 1.0) });
-        assert!(matches!(nothing.at((35, 18)), Answer::Nothing));
-        assert!(matches!(nothing.at((37, 18)), Answer::Unknown));
+        assert!(matches!(nothing.at((35, 18), &NOTHING), Answer::Nothing));
+        assert!(matches!(nothing.at((37, 18), &NOTHING), Answer::Unknown));
     }
 
     #[test]
@@ -540,8 +549,7 @@ mod tests {
         let connectivity = edges::connectivity(&s, side, side);
         let size = Size { width: side, height: side, channels: 1 };
         let frame = FrontLayer::new(size, 1, &color, &s, &connectivity);
-        let cargo = Cargo { groups: &[], mixed: &[] };
-        let hidden = hidden(&frame, &s, &[], cargo, &Cancel::default()).unwrap();
+        let hidden = hidden(&frame, &s, &[], NOTHING, &Cancel::default()).unwrap();
         let mut found = vec![None; side * side];
         hidden.iter().for_each(|h| found[h.index] = Some((h.s, h.color[0])));
         for i in (0..side * side).filter(|i| is_front(*i)) {

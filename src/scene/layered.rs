@@ -18,7 +18,8 @@ use super::holdouts;
 use super::inpaint::{self, Hidden, SAME_SURFACE_PX};
 use super::layer::{Role, SceneLayer};
 use super::matting::{MixedPixel, Separated, unmix};
-use super::recipe::Cargo;
+use super::origins::{self, Origins, Traced};
+use super::recipe::Channels;
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::memory::Buffer;
@@ -202,16 +203,13 @@ fn from_one_layer(
     cancel: &Cancel,
 ) -> Result<Surfaces> {
     let (size, groups) = (picture.size, &picture.carried[..]);
-    let mut s = without_noise(scaled(&layer.disparity, k), size, simd);
-    let connectivity = edges::connectivity(&s, size.width, size.height);
+    let surface = FrontSurface::new(size, layer, k, simd);
+    let frame = surface.frame(picture, layer, lights);
     let colors = Colors::new(size, Arc::clone(&layer.color));
-    let frame = FrontLayer {
-        known: &picture.edges,
-        ..FrontLayer::new(size, lights, &layer.color, &s, &connectivity)
-    };
     let mixed = unmix(&frame, Separated::All, cancel)?;
     let given = || groups.iter().map(|group| Colors::new(group.size, Arc::clone(&group.planes))).collect();
     if mixed.is_empty() {
+        let FrontSurface { s, connectivity } = surface;
         let front = SceneLayer {
             role: Role::Surface,
             s: Arc::new(s),
@@ -224,8 +222,9 @@ fn from_one_layer(
     }
     let partial = half_planes(&frame, &mixed);
     let values = carried::of_mixed(&frame, &mixed, groups);
-    let hidden = inpaint::hidden(&frame, &s, &mixed, Cargo { groups, mixed: &values }, cancel)?;
+    let hidden = inpaint::hidden(&frame, &surface.s, &mixed, Channels { groups, mixed: &values }, cancel)?;
 
+    let FrontSurface { mut s, connectivity } = surface;
     let (front_colors, both) = split(&mixed, &mut s);
     let back = both.iter().map(|m| (m.index, m.s_back, m.back));
     let mut back = layer_of_cells(size, back.chain(hidden.iter().map(|h| (h.index, h.s, h.color))));
@@ -240,6 +239,51 @@ fn from_one_layer(
         connectivity: Arc::new(connectivity),
     };
     Ok(Surfaces { layers: vec![front, back], opaque: true })
+}
+
+/// Where the colours of the layers of a picture of one layer come from, which [`build`] makes under the same lens.
+pub fn origins(picture: &Picture, lights: usize, k: f64, simd: Simd, cancel: &Cancel) -> Result<Origins> {
+    let layer = &picture.layers[0];
+    let surface = FrontSurface::new(picture.size, layer, k, simd);
+    let frame = surface.frame(picture, layer, lights);
+    let mixed = unmix(&frame, Separated::All, cancel)?;
+    if mixed.is_empty() {
+        return Ok(Origins::default());
+    }
+    let of_mixed = origins::of_mixed(&frame, &mixed);
+    let hidden = inpaint::hidden(&frame, &surface.s, &mixed, Traced { mixed: &of_mixed }, cancel)?;
+    let mut origins = Origins::default();
+    for (m, [front, back]) in mixed.iter().zip(of_mixed) {
+        // As in `split`.
+        if m.coverage > 0.0 {
+            origins.front.push((m.index, front));
+            origins.behind.push((m.index, back));
+        } else {
+            origins.front.push((m.index, back));
+        }
+    }
+    origins.behind.extend(hidden.into_iter().map(|h| (h.index, h.carried)));
+    Ok(origins)
+}
+
+/// The visible surface of a picture of one layer.
+struct FrontSurface {
+    s: Buffer<f32>,
+    connectivity: Vec<u8>,
+}
+
+impl FrontSurface {
+    fn new(size: Size, layer: &Layer, k: f64, simd: Simd) -> FrontSurface {
+        let s = without_noise(scaled(&layer.disparity, k), size, simd);
+        let connectivity = edges::connectivity(&s, size.width, size.height);
+        FrontSurface { s, connectivity }
+    }
+
+    fn frame<'a>(&'a self, picture: &'a Picture, layer: &'a Layer, lights: usize) -> FrontLayer<'a> {
+        let FrontSurface { s, connectivity } = self;
+        let known = &picture.edges;
+        FrontLayer { known, ..FrontLayer::new(picture.size, lights, &layer.color, s, connectivity) }
+    }
 }
 
 /// Gives mixed pixels the shifts of their surfaces in front. Returns these surfaces' colours, and the pixels that have both
@@ -484,7 +528,7 @@ fn hidden_by_all(
     let last = |i: usize| Some(farthest(i, 1.0)).filter(|s| s.is_finite()).unwrap_or(nowhere);
     let last: Vec<f32> = (0..n).into_par_iter().map(last).collect();
     let frame = FrontLayer::new(size, lights, &color, &s, &connectivity);
-    let found = inpaint::hidden(&frame, &last, &[], Cargo { groups: &[], mixed: &[] }, cancel)?;
+    let found = inpaint::hidden(&frame, &last, &[], Channels { groups: &[], mixed: &[] }, cancel)?;
     let is_new = |h: &Hidden| h.color[alpha] > 0.0 && h.s <= last[h.index] - CONNECTED_PX;
     // Cells that are only partly there keep their place in front.
     let behind = |h: Hidden| Hidden { s: h.s.min(farthest(h.index, f32::MIN_POSITIVE)), ..h };

@@ -22,6 +22,7 @@ mod inpaint;
 pub(crate) mod layer;
 pub(crate) mod layered;
 pub(crate) mod matting;
+pub(crate) mod origins;
 pub(crate) mod recipe;
 
 use crate::cancel::Cancel;

@@ -60,14 +60,6 @@ pub fn toward(strength: f32, v: f32, end: f32) -> f32 {
     if strength < 1.0 { v + strength * (end - v) } else { end }
 }
 
-/// Channels that are filled by the weights of the colours.
-#[derive(Clone, Copy)]
-pub struct Cargo<'a> {
-    pub groups: &'a [ChannelGroup],
-    /// The values of both surfaces of the mixed pixels; see [`of_mixed`](super::carried::of_mixed).
-    pub mixed: &'a [[[f32; 4]; 2]],
-}
-
 /// The pixel whose colour a ray brings along.
 #[derive(Clone, Copy)]
 pub enum Source {
@@ -76,19 +68,48 @@ pub enum Source {
     Behind(usize),
 }
 
-impl Cargo<'_> {
-    /// Channels that nothing has been added to.
-    pub fn nothing(&self) -> Vec<[f32; 4]> {
+/// What rays bring along from their sources, beside colours, by the weights of the colours.
+pub trait Cargo: Sync {
+    /// A weighted sum of what has been brought along.
+    type Load: Clone + Send + Sync;
+
+    /// A load to which nothing has been added.
+    fn nothing(&self) -> Self::Load;
+
+    /// Adds a source.
+    fn add(&self, sum: &mut Self::Load, weight: f32, source: Source);
+
+    /// Adds what others have brought.
+    fn add_load(sum: &mut Self::Load, weight: f32, load: &Self::Load);
+}
+
+/// The values of channels.
+#[derive(Clone, Copy)]
+pub struct Channels<'a> {
+    pub groups: &'a [ChannelGroup],
+    /// The values of both surfaces of the mixed pixels; see [`of_mixed`](super::carried::of_mixed).
+    pub mixed: &'a [[[f32; 4]; 2]],
+}
+
+impl Cargo for Channels<'_> {
+    type Load = Vec<[f32; 4]>;
+
+    fn nothing(&self) -> Vec<[f32; 4]> {
         vec![[0.0; 4]; self.groups.len()]
     }
 
-    /// Adds a source to every group of channels.
-    pub fn add(&self, sum: &mut [[f32; 4]], weight: f32, source: Source) {
+    fn add(&self, sum: &mut Vec<[f32; 4]>, weight: f32, source: Source) {
         for (g, (sum, group)) in sum.iter_mut().zip(self.groups).enumerate() {
             let values = match source {
                 Source::Pixel(q) => group.at(q),
                 Source::Behind(i) => self.mixed[i * self.groups.len() + g][1],
             };
+            sum.iter_mut().zip(values).for_each(|(sum, v)| *sum += weight * v);
+        }
+    }
+
+    fn add_load(sum: &mut Vec<[f32; 4]>, weight: f32, load: &Vec<[f32; 4]>) {
+        for (sum, values) in sum.iter_mut().zip(load) {
             sum.iter_mut().zip(values).for_each(|(sum, v)| *sum += weight * v);
         }
     }

@@ -141,25 +141,35 @@ impl HighlightPass<'_> {
     /// Adds the rows of a cluster's discs that are inside a tile, in the channels of a group.
     fn add_discs(&self, cluster: &Cluster, tile: &Tile, group: &Group, differences: &mut Differences) {
         for number in cluster.members.clone() {
-            let highlight = &self.highlights.all[number];
-            // Exact discs hold nothing of highlights, a sweep the part that is not drawn.
-            let drawn = highlight.drawn + tile.disc_share() * (1.0 - highlight.drawn);
-            for (step, share) in highlight.discs().filter(|_| drawn > 0.0) {
-                let light = (number, &group.excess[number]);
-                self.add_disc(light, step, drawn * share, tile.origin, differences);
+            let light = &group.excess[number];
+            for Disc { step, share } in self.discs(number, tile) {
+                self.visit_disc(number, step, share, tile.origin, |y, columns, weight| {
+                    differences.add(y, columns, weight, light);
+                });
             }
         }
     }
 
-    /// Adds the rows of one disc, of the highlight of this number and with this light, that are inside the tile at
-    /// `origin`.
-    fn add_disc(
+    /// The discs of the highlight of this number, with the parts of its light that they have in a tile.
+    pub fn discs(&self, number: usize, tile: &Tile) -> impl Iterator<Item = Disc> + use<> {
+        let highlight = &self.highlights.all[number];
+        // Exact discs hold nothing of highlights, a sweep the part that is not drawn.
+        let drawn = highlight.drawn + tile.disc_share() * (1.0 - highlight.drawn);
+        highlight
+            .discs()
+            .filter(move |_| drawn > 0.0)
+            .map(move |(step, share)| Disc { step, share: drawn * share })
+    }
+
+    /// Visits the rows of one disc, of the highlight of this number, that are inside the tile at `origin`: the row of the
+    /// tile, columns, and the weight of the light there.
+    pub fn visit_disc(
         &self,
-        (number, light): (usize, &[f32; 4]),
+        number: usize,
         step: i32,
         share: f32,
         origin: (usize, usize),
-        differences: &mut Differences,
+        mut visit: impl FnMut(usize, (i32, i32), f64),
     ) {
         let highlight = &self.highlights.all[number];
         let kernel = self.kernels.get(step * APART);
@@ -172,13 +182,13 @@ impl HighlightPass<'_> {
             let mut add = |columns: (i32, i32), weight: f32| {
                 let weight = f64::from(share) * f64::from(weight);
                 let Some(clip) = self.clip else {
-                    return differences.add(y, columns, weight, light);
+                    return visit(y, columns, weight);
                 };
                 for x in columns.0.max(0)..columns.1.min(TILE.0 as i32) {
                     let l = [qx - x, row.dy].map(|d| f64::from(d) / highlight.t);
                     let place = [origin.0 as f64 + f64::from(x), (origin.1 + y) as f64];
                     let seen = clip.share(place, l, highlight.t);
-                    differences.add(y, (x, x + 1), weight * seen, light);
+                    visit(y, (x, x + 1), weight * seen);
                 }
             };
             add((qx - row.run.1 + 1, qx - row.run.0 + 1), kernel.run_weight);
@@ -187,4 +197,10 @@ impl HighlightPass<'_> {
             }
         }
     }
+}
+
+/// One of the discs between which that of a highlight lies, and its share of the light.
+pub struct Disc {
+    pub step: i32,
+    pub share: f32,
 }

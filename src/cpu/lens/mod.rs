@@ -3,9 +3,11 @@
 //! [`padded`] lays the layered scene out for one focus, [`culling`] bounds its depths, and each tile is
 //! [`in_focus`], an exact [`disc`], or a [`sweep`]. [`highlights`] are drawn over them.
 
+mod adjoint;
 mod culling;
 mod dimming;
 mod disc;
+mod frame;
 mod group;
 mod highlights;
 mod in_focus;
@@ -25,25 +27,19 @@ use crate::cpu::tiles::split;
 use crate::error::Result;
 use crate::optics::Optics;
 use crate::picture::Size;
-use crate::plan::lens::disc::Surface;
-use crate::plan::lens::highlights::Highlights;
-use crate::plan::lens::kernels::Kernels;
-use crate::plan::lens::optical_vignetting::PupilClip;
-use crate::plan::lens::tiles::{self, Work};
-use crate::plan::lens::{Plan, Settings};
+use crate::plan::lens::Settings;
+use crate::plan::lens::tiles::{Work, Works};
 use crate::rows::{ITEMS_PER_TASK, interleave, interleave_among, with_channels};
-use crate::scene::colors::Colors;
 use crate::scene::grid::TILE;
 use crate::simd::Simd;
+pub use adjoint::{adjoint, by_pixel, of_shifts};
 pub use group::Input;
 
+use frame::Frame;
 use group::Group;
-use highlights::HighlightPass;
 use in_focus::Composite;
-use padded::Padded;
-use padded_colors::DrawnGroup;
 use rayon::prelude::*;
-use segments::{Segments, Start};
+use segments::Segments;
 use tile_color::TileColor;
 
 /// Tiles that a worker takes at a time: more than elsewhere, because it allocates scratch memory each time.
@@ -58,73 +54,25 @@ pub fn render(
     cancel: &Cancel,
     out: &mut [f32],
 ) -> Result<()> {
-    let Input { picture, scene, supersample } = *input;
+    let Input { picture, scene, .. } = *input;
     let size = picture.size;
-    cancel.check()?;
-    let clip = settings.second_stop.map(|second_stop| PupilClip::new(second_stop, &settings.aperture));
-    let plan = Plan::new(scene, optics, settings, supersample);
-    cancel.check()?;
-    let highlights = Highlights::new(scene, &plan, simd);
-    cancel.check()?;
-    let Plan { s_focus, reach_px, padding, bounds, tiles, sample_sets, footprint, in_focus, missed } = plan;
-    let needed = tiles::needed(&padding, &bounds, &tiles);
-    let mut padded = Padded::new(scene, padding, bounds, reach_px, &needed, simd);
-    cancel.check()?;
-
-    let picture_alone = picture.carried.is_empty();
-    let of_picture = Group::of_picture(input, &highlights);
-    let (guide, groups) = match picture_alone {
+    let mut frame = Frame::new(input, optics, settings, Works::Least, simd, cancel)?;
+    let of_picture = Group::of_picture(input, &frame.highlights);
+    let (guide, groups) = match picture.carried.is_empty() {
         true => (None, vec![of_picture]),
-        false => (Some(of_picture), Group::carried(input, &highlights)),
+        false => (Some(of_picture), Group::carried(input, &frame.highlights)),
     };
-    if !sample_sets.is_empty() {
-        let drawn = |group: &Group| -> Vec<Colors> {
-            let of_layers = scene.layers.iter().zip(group.swept());
-            let widened = of_layers.map(|(layer, colors)| {
-                let widened = widen::widened(&footprint, layer, colors, group.size, s_focus, simd);
-                widened.unwrap_or_else(|| colors.clone())
-            });
-            widened.collect()
-        };
-        let guide = guide.as_ref().map(drawn);
-        let of_group = |group: &Group| DrawnGroup {
-            size: group.size,
-            colors: drawn(group),
-            sharpening: group.sharpening,
-        };
-        let drawn: Vec<DrawnGroup> = groups.iter().map(of_group).collect();
-        padded.set_colors(scene, &drawn, guide.as_deref(), &footprint, s_focus, simd);
+    if frame.is_swept() {
+        frame.set_colors(&groups, guide.as_ref());
         cancel.check()?;
     }
-
-    let front = &scene.layers[scene.front];
-    let discs = tiles.par_iter().filter(|tile| tile.disc_share() > 0.0);
-    let discs = discs.map(|tile| Surface::new(&front.s, size, s_focus, tile.origin));
-    let surfaces: Vec<Surface> = discs.collect();
-    let keys = surfaces.iter().flat_map(Surface::keys).chain(highlights.keys()).collect();
-    let level = surfaces.iter().filter_map(Surface::level);
-    let kernels = Kernels::new(&settings.aperture, s_focus, keys, level, cancel)?;
-    let gather = |group: &'_ Group| disc::Gather {
-        size: group.size,
-        colors: group.dimmed[scene.front].clone(),
-        s: &front.s,
-        s_focus,
-        kernels: &kernels,
-        simd,
-        cancel,
-    };
-    let gathers: Vec<disc::Gather> = groups.iter().map(gather).collect();
-    let pass = HighlightPass {
-        highlights: &highlights,
-        padded: &padded,
-        kernels: &kernels,
-        clip: clip.as_ref(),
-        simd,
-    };
+    let gathers: Vec<disc::Gather> = groups.iter().map(|group| frame.gather(group)).collect();
+    let pass = frame.highlight_pass();
+    let Frame { padded, tiles, in_focus, missed, .. } = &frame;
 
     let channels: usize = groups.iter().map(|group| group.size.channels).sum();
     let mut slots = split(out, Size { channels, ..size }, TILE);
-    slots.par_iter_mut().zip(&tiles).enumerate().with_max_len(TILES_PER_TASK).try_for_each_init(
+    slots.par_iter_mut().zip(tiles).enumerate().with_max_len(TILES_PER_TASK).try_for_each_init(
         || {
             let sums = disc::RunningSums::default();
             let tiles = || groups.iter().map(|group| TileColor::new(group.size.channels)).collect::<Vec<_>>();
@@ -137,7 +85,7 @@ pub fn render(
                 Work::InFocus => {
                     for (group, color) in groups.iter().zip(&mut *color) {
                         let planes = (group.size, &group.planes[..]);
-                        composite.tile(planes, &scene.layers, &in_focus, tile.origin, color);
+                        composite.tile(planes, &scene.layers, in_focus, tile.origin, color);
                     }
                 }
                 Work::Disc => {
@@ -146,20 +94,9 @@ pub fn render(
                     }
                 }
                 Work::Sweep { samples, occupied, disc } => {
-                    let start = Start {
-                        padded: &padded,
-                        s_focus,
-                        origin: tile.origin,
-                        occupied,
-                        clip: clip.as_ref(),
-                    };
-                    let samples = &sample_sets[samples];
-                    simd.run(
-                        #[inline(always)]
-                        || segments.trace(&start, samples),
-                    );
+                    frame.trace(segments, tile, *samples, occupied);
                     // SAFETY: the segments have just been traced there.
-                    unsafe { sweep::sweep(simd, &padded, segments, tile.origin, missed, color) };
+                    unsafe { sweep::sweep(simd, padded, segments, tile.origin, *missed, color) };
                     if *disc > 0.0 {
                         for ((gather, color), exact) in gathers.iter().zip(&mut *color).zip(exact) {
                             gather.tile(tile.origin, sums, exact)?;

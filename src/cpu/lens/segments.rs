@@ -104,9 +104,19 @@ impl Segments {
     /// The number of samples that a pixel of the tile sees.
     pub fn seen_from(&self, x: usize, y: usize) -> usize {
         if self.seen.is_empty() {
-            return self.ends.len();
+            return self.samples();
         }
         self.seen.iter().filter(|rows| rows[y] >> x & 1 != 0).count()
+    }
+
+    /// The number of samples.
+    pub fn samples(&self) -> usize {
+        self.ends.len()
+    }
+
+    /// The sample to which a segment belongs.
+    pub fn sample_of(&self, segment: u32) -> usize {
+        self.ends.partition_point(|end| *end <= segment)
     }
 
     /// The pixels of `ROWS` rows from `(x, y)` on that see sample number `sample`; only for tiles in which not all

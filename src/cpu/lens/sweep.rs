@@ -20,10 +20,12 @@ use crate::simd::{InstructionSet, Simd};
 
 /// Cells that some of the pixels that are swept together have met: those with a bit, at one offset in one layer.
 #[derive(Debug, Clone, Copy)]
-struct Hit {
-    layer: u32,
-    offset: i32,
-    cells: [u32; ROWS],
+pub struct Hit {
+    pub layer: u32,
+    pub offset: i32,
+    /// The number of the segment.
+    pub number: u32,
+    pub cells: [u32; ROWS],
 }
 
 /// What samples have met of pixels that are swept together.
@@ -196,7 +198,6 @@ unsafe fn sweep_tile_of_groups<L: Lanes>(
     missed_rule: Missed,
     out: &mut [TileColor],
 ) {
-    let layers: Vec<Planes<0>> = padded.layers.iter().map(Planes::of).collect();
     let stride = padded.padding.stride;
     let firsts = out.iter().scan(0, |end, group| {
         let first = *end;
@@ -212,6 +213,45 @@ unsafe fn sweep_tile_of_groups<L: Lanes>(
     };
     let colors = firsts.iter().zip(&*out).map(|(first, out)| planes(*first, out.planes.len()));
     let colors: Vec<Vec<[*const f32; ChannelGroup::MOST]>> = colors.collect();
+    // SAFETY: per the function's contract.
+    unsafe {
+        visit_hits::<L>(
+            padded,
+            segments,
+            origin,
+            missed_rule,
+            #[inline(always)]
+            |pixels, segments, hits, (x, y)| {
+                let base = padded.padding.index(origin.0 + x, origin.1 + y);
+                for ((out, color), first) in out.iter_mut().zip(&colors).zip(&firsts) {
+                    with_channels!(out.planes.len(), C => {
+                        let mut sums = [[[0.0; MOST]; C]; ROWS];
+                        add_hits::<L, C>(color, stride, (&segments.met, hits), base, &mut sums);
+                        let own = std::array::from_fn(|c| &padded.layers[padded.front].color[first + c][base..]);
+                        pixels.divide(&sums, own, stride, out);
+                    });
+                }
+            },
+        );
+    }
+}
+
+/// Finds what a whole tile meets, and visits its pixels, as many as are swept together, with the segments that all of them
+/// have met and with what some of them have, and with the place of the first in the tile.
+///
+/// # Safety
+///
+/// As for [`sweep_rows`].
+#[inline(always)]
+pub unsafe fn visit_hits<L: Lanes>(
+    padded: &Padded,
+    segments: &mut Segments,
+    origin: (usize, usize),
+    missed_rule: Missed,
+    mut visit: impl FnMut(&Pixels, &Segments, &[Hit], (usize, usize)),
+) {
+    let layers: Vec<Planes<0>> = padded.layers.iter().map(Planes::of).collect();
+    let stride = padded.padding.stride;
     // Channels are carried by pictures of one layer, which is opaque.
     debug_assert!(!padded.translucent);
     let mut hits = Vec::new();
@@ -226,27 +266,19 @@ unsafe fn sweep_tile_of_groups<L: Lanes>(
             // SAFETY: per the function's contract.
             unsafe {
                 let hit = |segment: &Segment, cells: [L::Mask; ROWS]| {
-                    let Segment { layer, offset, .. } = *segment;
-                    hits.push(Hit { layer, offset, cells: cells.map(|cells| L::bits(cells)) });
+                    let Segment { layer, offset, number, .. } = *segment;
+                    hits.push(Hit { layer, offset, number, cells: cells.map(|cells| L::bits(cells)) });
                 };
                 sweep_rows::<L, 0>(&layers, stride, segments, (x, y), base, &mut swept, hit);
             }
             let pixels = Pixels::new(segments, &swept.missed, missed_rule, (x, y), L::CELLS);
-            for ((out, color), first) in out.iter_mut().zip(&colors).zip(&firsts) {
-                with_channels!(out.planes.len(), C => {
-                    let mut sums = [[[0.0; MOST]; C]; ROWS];
-                    // SAFETY: per the function's contract.
-                    unsafe { add_hits::<L, C>(color, stride, (&segments.met, &hits), base, &mut sums) };
-                    let own = std::array::from_fn(|c| &padded.layers[padded.front].color[first + c][base..]);
-                    pixels.divide(&sums, own, stride, out);
-                });
-            }
+            visit(&pixels, segments, &hits, (x, y));
         },
     );
 }
 
 /// Pixels that were swept together.
-struct Pixels {
+pub struct Pixels {
     /// The number of samples by which the sums of each are divided.
     met: [[f32; MOST]; ROWS],
     /// The first of them in the tile, and how many there are in a row.
@@ -274,6 +306,12 @@ impl Pixels {
             }
         }
         Pixels { met, at, cells }
+    }
+
+    /// The number of samples by which the sum of a pixel is divided.
+    #[inline(always)]
+    pub fn met(&self, row: usize, lane: usize) -> f32 {
+        self.met[row][lane]
     }
 
     /// Divides sums by the number of samples. If no sample met a cell, a pixel keeps the colour of its `own` cell.

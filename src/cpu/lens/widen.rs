@@ -12,48 +12,57 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// The colours of a layer, widened where lens samples are too sparse for [`Footprint::sharpening`] to compensate;
-/// `None` if that is nowhere.
-pub fn widened(
-    footprint: &Footprint,
-    layer: &SceneLayer,
-    colors: &Colors,
+/// The widening of a layer where lens samples are too sparse for [`Footprint::sharpening`] to compensate.
+pub struct Widening<'a> {
+    s: &'a [f32],
+    /// The variance that each cell still wants.
+    wanted: Buffer<f32>,
+    most: f32,
     size: Size,
-    s_focus: f64,
-    simd: Simd,
-) -> Option<Colors> {
-    if footprint.table().iter().all(|v| *v <= NEXT_CELLS) {
-        return None;
-    }
-    let n = size.pixels();
-    let shift = |s: f32| (f64::from(s) - s_focus) as f32;
-    let wanted = Buffer::of_each(&layer.s, |&s| {
-        if s.is_nan() { 0.0 } else { (footprint.variance(shift(s)) - NEXT_CELLS).max(0.0) }
-    });
-    let most = wanted.par_iter().copied().reduce(|| 0.0, f32::max);
+}
 
-    let mut done = 0.0f32;
-    let (mut color, mut source) = (Buffer::unset(n * size.channels), colors.to_planes());
-    for reach in REACHES {
-        if most <= done {
-            break;
+impl<'a> Widening<'a> {
+    /// The widening of a layer; `None` if that is nowhere.
+    pub fn new(
+        footprint: &Footprint,
+        layer: &'a SceneLayer,
+        size: Size,
+        s_focus: f64,
+    ) -> Option<Widening<'a>> {
+        if footprint.table().iter().all(|v| *v <= NEXT_CELLS) {
+            return None;
         }
-        // Weights w of neighbours at distance h add the variance 2 w h^2.
-        let per_weight = 2.0 * (reach * reach) as f32;
-        let pass = Pass { s: &layer.s, wanted: &wanted, done, per_weight, reach, size };
-        bands(color.chunks_mut(n), size.width).into_par_iter().enumerate().for_each_init(
-            || vec![0.0; size.width],
-            |weights, (y, mut out)| {
-                simd.run(
-                    #[inline(always)]
-                    || pass.row(&source, y, weights, &mut out),
-                );
-            },
-        );
-        std::mem::swap(&mut color, &mut source);
-        done += MAX_WEIGHT * per_weight;
+        let shift = |s: f32| (f64::from(s) - s_focus) as f32;
+        let wanted = Buffer::of_each(&layer.s, |&s| {
+            if s.is_nan() { 0.0 } else { (footprint.variance(shift(s)) - NEXT_CELLS).max(0.0) }
+        });
+        let most = wanted.par_iter().copied().reduce(|| 0.0, f32::max);
+        Some(Widening { s: &layer.s, wanted, most, size })
     }
-    Some(Colors::new(size, Arc::new(source)))
+
+    /// The passes, in their order.
+    fn passes(&self) -> impl DoubleEndedIterator<Item = Pass<'_>> {
+        let mut done = 0.0f32;
+        let passes = REACHES.map(|reach| {
+            // Weights w of neighbours at distance h add the variance 2 w h^2.
+            let per_weight = 2.0 * (reach * reach) as f32;
+            let pass = Pass { s: self.s, wanted: &self.wanted, done, per_weight, reach, size: self.size };
+            done += MAX_WEIGHT * per_weight;
+            pass
+        });
+        passes.into_iter().filter(|pass| self.most > pass.done)
+    }
+
+    /// Colours, widened.
+    pub fn of(&self, colors: &Colors, simd: Simd) -> Colors {
+        let widened = self.passes().fold(colors.to_planes(), |source, pass| pass.of(&source, simd));
+        Colors::new(self.size, Arc::new(widened))
+    }
+
+    /// The adjoint of widening: each pass is its own, as two cells exchange by one weight.
+    pub fn adjoint(&self, planes: Buffer<f32>, simd: Simd) -> Buffer<f32> {
+        self.passes().rev().fold(planes, |source, pass| pass.of(&source, simd))
+    }
 }
 
 /// One widening pass: diffusion to four neighbours at a distance, along each surface.
@@ -67,6 +76,22 @@ struct Pass<'a> {
 }
 
 impl Pass<'_> {
+    /// Filters planes.
+    fn of(&self, source: &[f32], simd: Simd) -> Buffer<f32> {
+        let mut out = Buffer::unset(source.len());
+        let rows = bands(out.chunks_mut(self.size.pixels()), self.size.width);
+        rows.into_par_iter().enumerate().for_each_init(
+            || vec![0.0; self.size.width],
+            |weights, (y, mut out)| {
+                simd.run(
+                    #[inline(always)]
+                    || self.row(source, y, weights, &mut out),
+                );
+            },
+        );
+        out
+    }
+
     /// Filters one row of all channels.
     #[inline(always)]
     fn row(&self, source: &[f32], y: usize, weights: &mut [f32], out: &mut [&mut [f32]]) {

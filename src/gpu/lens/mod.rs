@@ -25,7 +25,7 @@ use crate::optics::Optics;
 use crate::plan::lens::footprint::REACHES;
 use crate::plan::lens::highlights::Highlights;
 use crate::plan::lens::optical_vignetting::PupilClip;
-use crate::plan::lens::tiles::Work;
+use crate::plan::lens::tiles::{Work, Works};
 use crate::plan::lens::{Plan, Settings, reach_px};
 use crate::scene::grid::{BLOCK, TILE};
 use crate::scene::layered::LayeredScene;
@@ -88,7 +88,7 @@ pub fn render(
 ) -> Result<wgpu::Buffer> {
     let Input { scene, cells, .. } = *input;
     let size = scene.size;
-    let plan = Plan::new(scene, optics, settings, input.supersample);
+    let plan = Plan::new(scene, optics, settings, input.supersample, Works::Least);
     cancel.check()?;
     let highlights = Highlights::new(scene, &plan, simd);
     let kernels = Kernels::new(scene, &plan, &highlights, &settings.aperture, cancel)?;
@@ -130,13 +130,8 @@ fn in_focus(commands: &mut Commands, picture: &GpuPicture, frame: &LensFrame) ->
     };
     let work = vec![units(1); origins.len()];
     let tiles = commands.gpu.upload("the tiles in focus", &origins)?;
-    let buffers = [
-        Read(color),
-        Read(&picture.disparity),
-        Read(&tiles),
-        Read(&cells.shifts),
-        Write(frame.picture),
-    ];
+    let buffers =
+        [Read(color), Read(&picture.disparity), Read(&tiles), Read(&cells.shifts), Write(frame.picture)];
     let params = |first_tile| InFocusParams { first_tile, ..params };
     commands.tiles(&IN_FOCUS, picture.size.channels, params, &buffers, (&work, GROUPS))
 }

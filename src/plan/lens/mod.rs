@@ -23,7 +23,7 @@ use lens_samples::LensSample;
 use optical_vignetting::PupilClip;
 use padding::Padding;
 use std::collections::{BTreeMap, BTreeSet};
-use tiles::{Tile, Work};
+use tiles::{Tile, Work, Works};
 
 /// The choices of the caller.
 #[derive(Debug, Clone)]
@@ -95,7 +95,13 @@ pub struct Plan {
 impl Plan {
     /// The plan for one lens. The output averages `supersample` pixels along each axis, so correspondingly fewer
     /// samples are enough.
-    pub fn new(scene: &LayeredScene, optics: &Optics, settings: &Settings, supersample: usize) -> Plan {
+    pub fn new(
+        scene: &LayeredScene,
+        optics: &Optics,
+        settings: &Settings,
+        supersample: usize,
+        works: Works,
+    ) -> Plan {
         let s_focus = optics.k * optics.d_focus;
         let count_samples = |radius_px: f64| {
             settings.samples.unwrap_or_else(|| lens_samples::count_for(radius_px / supersample as f64))
@@ -110,6 +116,7 @@ impl Plan {
             bounds: &bounds,
             s_focus,
             second_stop: settings.second_stop.as_ref(),
+            works,
         };
         let tiles = tiles::plan(&inputs, count_samples);
         let sample_sets = sample_sets(&tiles, &settings.aperture);

@@ -16,6 +16,15 @@ const TILT_PX: f64 = 1.0;
 /// to the other smoothly as the focus does.
 const SWEPT_TILT_PX: f64 = 1.5;
 
+/// Which work tiles may have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Works {
+    /// The least that shows the tile as it is.
+    Least,
+    /// The sweep everywhere: how the picture changes with depth is told by what each ray meets.
+    Sweeps,
+}
+
 /// The work of one tile.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Work {
@@ -79,6 +88,7 @@ pub struct Inputs<'a> {
     /// Set if the second stop clips the opening differently for each pixel: then no disc is the same for a whole
     /// tile.
     pub second_stop: Option<&'a SecondStop>,
+    pub works: Works,
 }
 
 /// The padded blocks that come within `margin` pixels of the tile at `origin`.
@@ -97,7 +107,7 @@ fn blocks_around(
 
 /// Plans every tile. `count_samples` gives the number of samples for the radius of the largest disc.
 pub fn plan(inputs: &Inputs, count_samples: impl Fn(f64) -> usize + Sync) -> Vec<Tile> {
-    let Inputs { padding, codes, bounds, s_focus, second_stop } = *inputs;
+    let Inputs { padding, codes, bounds, s_focus, second_stop, works } = *inputs;
     let shift = |code: u16| codes.decode(f64::from(code)) - s_focus;
     let block_reach: Vec<f64> = bounds
         .range
@@ -136,12 +146,11 @@ pub fn plan(inputs: &Inputs, count_samples: impl Fn(f64) -> usize + Sync) -> Vec
             let tilt_px = f64::from(codes_per_px) * codes.step() * reach;
             ((SWEPT_TILT_PX - tilt_px) / (SWEPT_TILT_PX - TILT_PX)).clamp(0.0, 1.0) as f32
         });
-        let work = if reach <= IN_FOCUS_PX {
-            Work::InFocus
-        } else if disc == 1.0 {
-            Work::Disc
-        } else {
-            Work::Sweep { samples: count_samples(reach), occupied, disc }
+        let work = match works {
+            Works::Sweeps => Work::Sweep { samples: count_samples(reach), occupied, disc: 0.0 },
+            Works::Least if reach <= IN_FOCUS_PX => Work::InFocus,
+            Works::Least if disc == 1.0 => Work::Disc,
+            Works::Least => Work::Sweep { samples: count_samples(reach), occupied, disc },
         };
         Tile { origin, reach_px: reach, work }
     };

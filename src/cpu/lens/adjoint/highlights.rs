@@ -1,0 +1,84 @@
+//! The adjoint of drawing highlights: of the light of each, what arrives.
+
+use crate::cpu::lens::frame::Frame;
+use crate::cpu::lens::highlights::Disc;
+use crate::cpu::lens::shadows::{Hidden, Shadows};
+use crate::cpu::lens::tile_color::TileColor;
+use crate::plan::lens::tiles::Tile;
+use crate::scene::grid::TILE;
+
+/// What a highlight contributes by its light in each channel.
+pub struct Light {
+    pub number: usize,
+    pub light: [f32; 4],
+}
+
+/// Sums along the rows of a tile, from which those of runs of pixels are differences.
+struct RunningSums {
+    /// For each channel and row, one more value than a tile has columns.
+    values: Vec<f64>,
+}
+
+impl RunningSums {
+    const ROW: usize = TILE.0 + 1;
+
+    /// The sums of a tile of which a part of each pixel is seen.
+    fn new(cotangent: &TileColor, seen: impl Fn(usize) -> f64) -> RunningSums {
+        let mut values = Vec::with_capacity(cotangent.planes.len() * TILE.1 * Self::ROW);
+        for plane in &cotangent.planes {
+            for y in 0..TILE.1 {
+                let mut sum = 0.0;
+                values.push(sum);
+                for at in y * TILE.0..(y + 1) * TILE.0 {
+                    sum += seen(at) * f64::from(plane[at]);
+                    values.push(sum);
+                }
+            }
+        }
+        RunningSums { values }
+    }
+
+    /// Adds the weighted sum of the columns `first .. end` of a row.
+    fn add(&self, y: usize, (first, end): (i32, i32), weight: f64, into: &mut [f64; 4]) {
+        let [first, end] = [first, end].map(|x| x.clamp(0, TILE.0 as i32) as usize);
+        if first < end {
+            for (plane, into) in self.values.chunks_exact(TILE.1 * Self::ROW).zip(into) {
+                *into += weight * (plane[y * Self::ROW + end] - plane[y * Self::ROW + first]);
+            }
+        }
+    }
+}
+
+/// Adds what a tile takes of the highlights that reach it.
+pub fn adjoint(frame: &Frame, number: usize, tile: &Tile, cotangent: &TileColor, into: &mut Vec<Light>) {
+    let (pass, highlights) = (frame.highlight_pass(), &frame.highlights);
+    let mut whole = None;
+    let mut hidden: Box<Hidden> = Box::new([0.0; TILE.0 * TILE.1]);
+    for cluster in highlights.of_tile(number) {
+        let partly;
+        let sums = if cluster.hidden_in_part {
+            hidden.fill(0.0);
+            let middle = &highlights.all[cluster.middle];
+            let shadows = Shadows::new(cluster, middle, tile.origin, &frame.padded);
+            let lit = [0..TILE.0 as i32, 0..TILE.1 as i32];
+            frame.simd.run(
+                #[inline(always)]
+                || shadows.cast(&lit, &mut hidden),
+            );
+            partly = RunningSums::new(cotangent, |at| f64::from((1.0 - hidden[at]).max(0.0)));
+            &partly
+        } else {
+            whole.get_or_insert_with(|| RunningSums::new(cotangent, |_| 1.0))
+        };
+        for number in cluster.members.clone() {
+            let mut light = [0.0; 4];
+            for disc in pass.discs(number, tile) {
+                let Disc { step, share } = disc;
+                pass.visit_disc(number, step, share, tile.origin, |y, columns, weight| {
+                    sums.add(y, columns, weight, &mut light);
+                });
+            }
+            into.push(Light { number, light: light.map(|v| v as f32) });
+        }
+    }
+}

@@ -1,0 +1,219 @@
+//! The adjoint of the flagship: what each pixel of a picture contributes to a weighted sum of the rendered one.
+//!
+//! For fixed depths, the picture through the lens is a linear map of the colours: what they decide themselves (how mixed
+//! pixels are taken apart, what is hidden, what is a highlight, how far cells are sharpened) are its weights. Here the
+//! map is walked backward, step by step, with the same weights. Every tile adds to the cells that it has met, so tiles
+//! that are done at the same time have their own planes to add to; these are added up in the order of the rows.
+
+mod disc;
+mod highlights;
+mod in_focus;
+mod sharpening;
+mod shifts;
+mod sweep;
+mod window;
+
+pub use shifts::of_shifts;
+
+use super::Input;
+use super::frame::Frame;
+use super::group::{Group, Sharpening};
+use super::segments::Segments;
+use super::tile_color::TileColor;
+use super::widen::Widening;
+use crate::cancel::Cancel;
+use crate::error::Result;
+use crate::memory::Buffer;
+use crate::optics::Optics;
+use crate::picture::Size;
+use crate::plan::lens::Settings;
+use crate::plan::lens::tiles::{Tile, Work, Works};
+use crate::scene::grid::TILE;
+use crate::scene::origins::{Form, Origin, Origins};
+use crate::simd::Simd;
+use highlights::Light;
+use rayon::prelude::*;
+use std::ops::Range;
+use window::{Sums, Window};
+
+/// Bands of tiles that are done at the same time. It bounds memory, and does not depend on the number of threads, so that
+/// no sum does.
+const BANDS: usize = 16;
+
+/// The adjoint of [`render`](super::render) for the colours of a picture of one layer: `cotangent` and the result are
+/// planes of its size. `origins` are those of the scene.
+pub fn adjoint(
+    input: &Input,
+    origins: &Origins,
+    optics: &Optics,
+    settings: &Settings,
+    simd: Simd,
+    cancel: &Cancel,
+    cotangent: &[f32],
+) -> Result<Buffer<f32>> {
+    let size = input.picture.size;
+    let frame = Frame::new(input, optics, settings, Works::Least, simd, cancel)?;
+    let guide = Group { sharpening: Sharpening::Guided, ..Group::of_picture(input, &frame.highlights) };
+    let mut sums = Sums::new(size, input.scene.layers.len());
+    let mut light = vec![[0.0f32; 4]; frame.highlights.all.len()];
+    for wave in bands(&frame).chunks(BANDS) {
+        let done = wave.par_iter().map(|band| of_band(&frame, size, band, cotangent));
+        for (window, lights) in done.collect::<Result<Vec<_>>>()? {
+            cancel.check()?;
+            sums.add(&window);
+            for Light { number, light: more } in lights {
+                light[number].iter_mut().zip(more).for_each(|(sum, v)| *sum += v);
+            }
+        }
+    }
+    let mut swept = sums.swept;
+    if frame.is_swept() {
+        let drawn = frame.widened(&guide);
+        swept = sharpening::adjoint(&frame, size, &drawn, swept);
+        cancel.check()?;
+        let layers = input.scene.layers.iter().zip(swept);
+        let narrowed =
+            layers.map(|(layer, planes)| match Widening::new(&frame.footprint, layer, size, frame.s_focus) {
+                Some(widening) => widening.adjoint(planes, simd),
+                None => planes,
+            });
+        swept = narrowed.collect();
+    }
+    let cells = of_cells(&frame, size, swept, &sums.level, &light);
+    Ok(of_pixels(size, sums.given, &cells, origins))
+}
+
+/// The tiles of a frame in bands of whole rows of tiles: as high as the margin on both sides of them, so that a window is
+/// at most twice as high as its band, unless there would be too few bands.
+fn bands<'a>(frame: &'a Frame) -> Vec<Band<'a>> {
+    let padding = &frame.padded.padding;
+    let (across, down) = (padding.width.div_ceil(TILE.0), padding.height.div_ceil(TILE.1));
+    let rows = (2 * padding.pad).div_ceil(TILE.1).min(down.div_ceil(BANDS)).max(1);
+    let bands = frame.tiles.chunks(rows * across).zip(0..);
+    bands.map(|(tiles, band)| Band { tiles, first_tile: band * rows * across }).collect()
+}
+
+/// Some rows of tiles.
+struct Band<'a> {
+    tiles: &'a [Tile],
+    /// The number of the first tile.
+    first_tile: usize,
+}
+
+impl Band<'_> {
+    /// The rows of the frame, and those with which the last tiles go beyond it.
+    fn rows(&self) -> Range<usize> {
+        self.tiles[0].origin.1..self.tiles[self.tiles.len() - 1].origin.1 + TILE.1
+    }
+}
+
+/// What the tiles of a band add to pixels and cells, and to highlights.
+fn of_band(frame: &Frame, size: Size, band: &Band, cotangent: &[f32]) -> Result<(Window, Vec<Light>)> {
+    let layers = &frame.input.scene.layers;
+    let mut window = Window::new(&frame.padded.padding, size.channels, layers.len(), band.rows());
+    let (mut lights, mut segments) = (Vec::new(), Segments::default());
+    let (mut given, mut exact) = (TileColor::new(size.channels), TileColor::new(size.channels));
+    for (number, tile) in (band.first_tile..).zip(band.tiles) {
+        frame.cancel.check()?;
+        read(size, cotangent, tile.origin, &mut given);
+        highlights::adjoint(frame, number, tile, &given, &mut lights);
+        match &tile.work {
+            Work::InFocus => {
+                in_focus::adjoint(layers, size, &frame.in_focus, tile.origin, &given, &mut window)
+            }
+            Work::Disc => disc::adjoint(frame, size, tile.origin, &given, &mut window),
+            Work::Sweep { samples, occupied, disc } => {
+                if *disc > 0.0 {
+                    scaled(&given, *disc, &mut exact);
+                    disc::adjoint(frame, size, tile.origin, &exact, &mut window);
+                    scaled(&given, 1.0 - *disc, &mut exact);
+                    std::mem::swap(&mut given, &mut exact);
+                }
+                frame.trace(&mut segments, tile, *samples, occupied);
+                // SAFETY: the segments have just been traced there.
+                unsafe { sweep::adjoint(frame, &mut segments, tile.origin, &given, &mut window) };
+            }
+        }
+    }
+    Ok((window, lights))
+}
+
+/// Reads a tile of planes; zero beyond the frame.
+fn read(size: Size, planes: &[f32], origin: (usize, usize), into: &mut TileColor) {
+    let (across, down) = (TILE.0.min(size.width - origin.0), TILE.1.min(size.height - origin.1));
+    for (plane, into) in planes.chunks_exact(size.pixels()).zip(&mut into.planes) {
+        into.fill(0.0);
+        for y in 0..down {
+            let start = (origin.1 + y) * size.width + origin.0;
+            into[y * TILE.0..][..across].copy_from_slice(&plane[start..start + across]);
+        }
+    }
+}
+
+fn scaled(from: &TileColor, by: f32, into: &mut TileColor) {
+    for (from, into) in from.planes.iter().zip(&mut into.planes) {
+        into.iter_mut().zip(from).for_each(|(into, from)| *into = by * from);
+    }
+}
+
+/// What each layer's cells contribute, from what they do as they are swept and, of the first layer, as exact discs.
+/// Highlights are of less light there, and what they are of more is drawn apart.
+fn of_cells(
+    frame: &Frame,
+    size: Size,
+    mut swept: Vec<Buffer<f32>>,
+    level: &[f32],
+    light: &[[f32; 4]],
+) -> Vec<Buffer<f32>> {
+    let n = size.pixels();
+    for (h, light) in frame.highlights.all.iter().zip(light) {
+        let dimmed = 1.0 - h.outshining;
+        let drawn = if frame.highlights.swept.is_some() { h.drawn } else { 1.0 };
+        let index = h.y as usize * size.width + h.x as usize;
+        for (c, light) in light.iter().enumerate().take(size.channels) {
+            let own = &mut swept[h.layer][c * n + index];
+            let of_level = if h.layer == 0 { (dimmed - 1.0) * level[c * n + index] } else { 0.0 };
+            *own = (1.0 - drawn * h.outshining) * *own + of_level + h.area * h.outshining * light;
+        }
+    }
+    swept[0].par_iter_mut().zip(level).for_each(|(sum, v)| *sum += v);
+    swept
+}
+
+/// What the pixels of a picture contribute: themselves, and as the origins of cells.
+fn of_pixels(size: Size, given: Buffer<f32>, cells: &[Buffer<f32>], origins: &Origins) -> Buffer<f32> {
+    let n = size.pixels();
+    let mut out = given;
+    out.par_chunks_mut(n).enumerate().for_each(|(c, out)| {
+        let of_layer = |cells: &'_ Buffer<f32>| cells[c * n..][..n].to_vec();
+        add_origins(out, cells.iter().map(of_layer), origins, |origin| &origin.color);
+    });
+    out
+}
+
+/// The derivative by the shift of each pixel, from those by the shifts of cells.
+pub fn by_pixel(size: Size, cells: Vec<Buffer<f32>>, origins: &Origins) -> Buffer<f32> {
+    let mut out = Buffer::full(size.pixels(), 0.0);
+    let cells = cells.iter().map(|cells| cells.to_vec());
+    add_origins(&mut out, cells, origins, |origin| &origin.depth);
+    out
+}
+
+/// Adds one plane of each layer to the pixels of which its cells are made.
+fn add_origins(
+    out: &mut [f32],
+    layers: impl Iterator<Item = Vec<f32>>,
+    origins: &Origins,
+    form: impl Fn(&Origin) -> &Form,
+) {
+    for ((layer, mut plane), listed) in layers.enumerate().zip([&origins.front, &origins.behind]) {
+        for (index, origin) in listed {
+            let v = std::mem::take(&mut plane[*index]);
+            form(origin).iter().for_each(|&(q, weight)| out[q as usize] += weight * v);
+        }
+        // A cell without origins is its own pixel; behind the first layer there is none.
+        if layer == 0 {
+            out.iter_mut().zip(&plane).for_each(|(out, v)| *out += v);
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! Where the colours and the depths of cells come from: each is a weighted sum of those of pixels.
+//!
+//! The picture's own colours decide the weights, as they do for channels that it carries. This is the same linear map,
+//! written down as its weights, so that it can be turned round. The depth of a surface is that of the pixels that show
+//! nothing else.
+
+use super::carried::pure_ends;
+use super::front_layer::FrontLayer;
+use super::matting::MixedPixel;
+use super::recipe::{Cargo, Source};
+use crate::picture::Weighting;
+use rayon::prelude::*;
+
+/// Pixels with their weights.
+pub type Form = Vec<(u32, f32)>;
+
+/// Where the colour and the depth of a cell come from.
+#[derive(Clone, Default)]
+pub struct Origin {
+    pub color: Form,
+    pub depth: Form,
+}
+
+/// The cells that are not made of their own pixel alone.
+#[derive(Default)]
+pub struct Origins {
+    /// Those of the first layer.
+    pub front: Vec<(usize, Origin)>,
+    /// All cells of the layer behind it.
+    pub behind: Vec<(usize, Origin)>,
+}
+
+/// The origins of both surfaces of every mixed pixel, for light.
+pub fn of_mixed(frame: &FrontLayer, mixed: &[MixedPixel]) -> Vec<[Origin; 2]> {
+    // Every channel goes the same way, so channels that are 1 for one of the three sources have its weight.
+    const OWN: [f32; 4] = [1.0, 0.0, 0.0, 0.0];
+    const PURE: [[f32; 4]; 2] = [[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+    let of_pixel = |m: &MixedPixel| {
+        let pure = pure_ends(frame, m)
+            .map(|pixels| -> Form { pixels.into_iter().map(|(q, share)| (q as u32, share)).collect() });
+        let colors = m.recipe.apply(m.coverage, Weighting::Light, OWN, PURE).map(|[own, front, back, _]| {
+            let mut form = vec![(m.index as u32, own)];
+            for (pixels, weight) in pure.iter().zip([front, back]).filter(|(_, weight)| *weight != 0.0) {
+                add_form(&mut form, weight, pixels);
+            }
+            form
+        });
+        let [[front, back], [front_depth, back_depth]] = [colors, pure];
+        [Origin { color: front, depth: front_depth }, Origin { color: back, depth: back_depth }]
+    };
+    mixed.par_iter().map(of_pixel).collect()
+}
+
+fn add_form(sum: &mut Form, weight: f32, form: &Form) {
+    sum.extend(form.iter().map(|&(q, w)| (q, weight * w)));
+}
+
+/// Rays that bring along where they come from.
+#[derive(Clone, Copy)]
+pub struct Traced<'a> {
+    /// See [`of_mixed`].
+    pub mixed: &'a [[Origin; 2]],
+}
+
+impl Cargo for Traced<'_> {
+    type Load = Origin;
+
+    fn nothing(&self) -> Origin {
+        Origin::default()
+    }
+
+    fn add(&self, sum: &mut Origin, weight: f32, source: Source) {
+        match source {
+            Source::Pixel(q) => {
+                sum.color.push((q as u32, weight));
+                sum.depth.push((q as u32, weight));
+            }
+            Source::Behind(i) => Traced::add_load(sum, weight, &self.mixed[i][1]),
+        }
+    }
+
+    fn add_load(sum: &mut Origin, weight: f32, load: &Origin) {
+        add_form(&mut sum.color, weight, &load.color);
+        add_form(&mut sum.depth, weight, &load.depth);
+    }
+}

@@ -1,0 +1,285 @@
+"""Gradients: adjoints of renders, and derivatives by depth and lens against differences of renders."""
+
+import dofsim
+import numpy as np
+import pytest
+from scipy import ndimage as ndi
+
+LENS = dofsim.Lens(aperture_radius=0.05, focus_distance=2.0, fov=42.0)
+SHAPE = (72, 130)
+
+
+def textured(seed, shape=SHAPE):
+    noise = np.random.default_rng(seed).random((*shape, 3))
+    smooth = ndi.gaussian_filter(noise, (1.2, 1.2, 0.0))
+    return ((smooth - smooth.min()) / np.ptp(smooth)).astype(np.float32)
+
+
+def balls(shape=SHAPE):
+    """Give two balls in front of a tilted wall; pixels of silhouettes mix both."""
+    (height, width), (y, x) = shape, np.mgrid[: shape[0], : shape[1]].astype(float)
+    color, depth = textured(1, shape).astype(float), 5.0 + 0.01 * x
+    for seed, cx, cy, radius, near in ((2, 0.3, 0.4, 0.22, 1.4), (3, 0.65, 0.6, 0.28, 2.3)):
+        from_middle = np.hypot(x - cx * width, y - cy * height)
+        radius *= height
+        coverage = np.clip(radius - from_middle + 0.5, 0.0, 1.0)[..., None]
+        color = coverage * textured(seed, shape) * [1.0, 0.6, 0.4] + (1.0 - coverage) * color
+        bulge = 0.2 * np.sqrt(np.maximum(0.0, 1.0 - (from_middle / radius) ** 2))
+        depth = np.where(from_middle < radius, near - bulge, depth)
+    return color.astype(np.float32), depth
+
+
+def clutter():
+    chosen = np.random.default_rng(4).choice([1.0, 1.5, 2.0, 4.0, np.inf], (SHAPE[0] // 8, SHAPE[1] // 8 + 1))
+    return textured(5), chosen.repeat(8, 0).repeat(8, 1)[:, : SHAPE[1]]
+
+
+def lamps():
+    color, depth = 0.1 * textured(6), np.where(np.arange(SHAPE[1]) < 40, 1.2, 5.0) * np.ones(SHAPE)
+    color[::17, ::13] = 30.0
+    return color, depth
+
+
+def wall(near, far):
+    return textured(7), near + (far - near) * np.mgrid[: SHAPE[0], : SHAPE[1]][1] / SHAPE[1]
+
+
+SCENES = {
+    "balls": balls,
+    "clutter": clutter,
+    "lamps": lamps,
+    "wall": lambda: wall(4.0, 4.0),
+    "slope": lambda: wall(1.5, 4.5),
+    "in focus": lambda: wall(2.0, 2.0),
+}
+
+
+def blurred(lens, depth, radius_px):
+    largest = np.abs(dofsim.coc(depth, lens)).max()
+    if largest < 1e-6:
+        return lens
+    return lens.replace(aperture_radius=lens.aperture_radius * radius_px / largest)
+
+
+def assert_adjoint(color, depth, lens, **options):
+    random = np.random.default_rng(8)
+    along = random.standard_normal(color.shape).astype(np.float32)
+    mapped = dofsim.render(along, depth, lens, guide=color, device="cpu", **options).astype(float)
+    weights = random.standard_normal(mapped.shape).astype(np.float32)
+    back = dofsim.vjp(color, depth, lens, weights, **options)["color"]
+    assert back.shape == color.shape
+    scale = np.linalg.norm(mapped) * np.linalg.norm(weights)
+    assert np.vdot(mapped, weights) == pytest.approx(np.vdot(along, back.astype(float)), abs=1e-7 * scale)
+
+
+# Colours
+
+
+@pytest.mark.parametrize("radius_px", [0.4, 3.0, 12.0])
+@pytest.mark.parametrize("scene", SCENES)
+def test_the_gradient_of_colours_is_the_adjoint_of_the_render(scene, radius_px):
+    color, depth = SCENES[scene]()
+    assert_adjoint(color, depth, blurred(LENS, depth, radius_px))
+
+
+@pytest.mark.parametrize(
+    ("changes", "options"),
+    [
+        ({}, {"aperture": dofsim.Aperture(blades=6, rotation=10.0)}),
+        ({}, {"aperture": dofsim.Aperture(obstruction=0.4, spherical=0.5)}),
+        ({"cat_eye": 0.6}, {}),
+        ({"cat_eye": 0.6, "vignetting": "full"}, {}),
+        ({"tilt": (10.0, 5.0)}, {}),
+        ({"in_focus": (1.8, 2.4)}, {}),
+        ({}, {"max_coc_px": 3.0}),
+        ({}, {"overscan": 6}),
+        ({}, {"supersample": 2}),
+        ({}, {"views": 100}),
+    ],
+)
+def test_lenses_apertures_and_frames_have_their_adjoint(changes, options):
+    for scene in ("balls", "lamps"):
+        color, depth = SCENES[scene]()
+        assert_adjoint(color, depth, blurred(LENS, depth, 8.0).replace(**changes), **options)
+
+
+@pytest.mark.parametrize("channels", [0, 1, 2, 4])
+def test_pictures_of_any_number_of_channels(channels):
+    color, depth = balls()
+    color = np.concatenate([color, 0.5 + 0.5 * color[..., :1]], axis=2)
+    color = color[..., 0] if channels == 0 else color[..., -channels:]
+    assert_adjoint(np.ascontiguousarray(color), depth, blurred(LENS, depth, 6.0))
+
+
+@pytest.mark.parametrize("dtype", [np.float16, np.float32, np.float64])
+def test_gradients_have_the_dtype_of_what_they_are_by(dtype):
+    color, depth = balls()
+    found = dofsim.vjp(
+        color.astype(dtype), depth.astype(dtype), LENS, color, wrt=["color", "depth", "disparity"]
+    )
+    assert {value.dtype for value in found.values()} == {np.dtype(dtype)}
+
+
+def test_the_number_of_threads_changes_no_bit():
+    color, depth = clutter()
+    wrt = ("color", "depth", "aperture_radius", "focus_distance")
+    one, two = (dofsim.vjp(color, depth, LENS, color, wrt=wrt, threads=n) for n in (1, 2))
+    assert all(np.array_equal(one[name], two[name]) for name in wrt)
+
+
+def test_what_is_in_focus_gives_the_weights_back():
+    color, depth = wall(2.0, 2.0)
+    weights = np.random.default_rng(9).standard_normal(color.shape).astype(np.float32)
+    np.testing.assert_array_equal(dofsim.vjp(color, depth, LENS, weights)["color"], weights)
+
+
+# Depth and lens
+
+
+class Loss:
+    """The squared difference to the picture through another lens."""
+
+    def __init__(self, color, depth, lens):
+        self.color = color
+        self.target = self.picture(
+            depth, lens.replace(aperture_radius=1.2 * lens.aperture_radius, focus_distance=2.3)
+        )
+
+    def picture(self, depth, lens):
+        return dofsim.render(self.color, depth, lens, device="cpu").astype(float)
+
+    def __call__(self, depth, lens):
+        return np.sum((self.picture(depth, lens) - self.target) ** 2)
+
+    def weights(self, depth, lens):
+        return 2.0 * (self.picture(depth, lens) - self.target)
+
+
+def by_lens(loss, depth, lens, name, step=1e-3):
+    value = getattr(lens, name)
+    ends = [loss(depth, lens.replace(**{name: value * (1.0 + sign * step)})) for sign in (1, -1)]
+    return (ends[0] - ends[1]) / (2.0 * step * value)
+
+
+@pytest.mark.parametrize("name", ["aperture_radius", "focus_distance"])
+@pytest.mark.parametrize("radius_px", [4.0, 10.0])
+@pytest.mark.parametrize("scene", ["balls", "wall", "slope"])
+def test_the_gradient_of_the_lens_is_that_of_renders(scene, radius_px, name):
+    color, depth = SCENES[scene]()
+    lens = blurred(LENS, depth, radius_px)
+    loss = Loss(color, depth, lens)
+    found = dofsim.vjp(color, depth, lens, loss.weights(depth, lens), wrt=name)[name]
+    # The terms of near and of far surfaces may cancel.
+    scale = abs(by_lens(loss, depth, lens, "focus_distance")) * lens.focus_distance / getattr(lens, name)
+    expected = by_lens(loss, depth, lens, name)
+    assert found == pytest.approx(expected, rel=0.05, abs=0.05 * scale)
+
+
+@pytest.mark.parametrize("scene", ["wall", "slope"])
+def test_the_gradient_of_depth_on_a_surface_is_that_of_renders(scene):
+    color, depth = SCENES[scene]()
+    lens = blurred(LENS, depth, 8.0)
+    loss = Loss(color, depth, lens)
+    found = dofsim.vjp(color, depth, lens, loss.weights(depth, lens), wrt="depth")["depth"]
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    for cx, cy in ((30, 20), (65, 36), (95, 50)):
+        bump = depth * np.exp(-((x - cx) ** 2 + (y - cy) ** 2) / (2.0 * 10.0**2))
+        ends = [loss(depth + sign * 2e-3 * bump, lens) for sign in (1, -1)]
+        assert np.vdot(found, bump) == pytest.approx((ends[0] - ends[1]) / 4e-3, rel=0.05)
+
+
+def test_disparity_is_one_over_depth():
+    color, depth = wall(1.5, 4.5)
+    weights = np.random.default_rng(3).standard_normal(color.shape)
+    found = dofsim.vjp(color, depth, LENS, weights, wrt=("depth", "disparity"))
+    np.testing.assert_allclose(found["depth"], -found["disparity"] / depth**2, rtol=1e-5)
+    direct = dofsim.vjp(color, 1.0 / depth, LENS, weights, wrt="depth", depth_kind="inverse_z")["depth"]
+    np.testing.assert_allclose(direct, found["disparity"], rtol=1e-3, atol=1e-3 * np.abs(direct).max())
+
+
+def test_relative_depth_and_its_lens():
+    color, depth = wall(0.2, 0.9)
+    lens = dofsim.Lens.from_disparity(strength_px=12.0, focus=0.6)
+    weights = np.random.default_rng(3).standard_normal(color.shape)
+    wrt = ("depth", "strength_px", "focus")
+    found = dofsim.vjp(color, depth, lens, weights, wrt=wrt, depth_kind="disparity")
+    words = {"depth_kind": "relative", "depth_range": (0.0, 100.0)}
+    scaled = dofsim.vjp(color, 100.0 * depth, lens, weights, wrt=wrt, **words)
+    np.testing.assert_allclose(100.0 * scaled["depth"], found["depth"], rtol=1e-3, atol=1e-3)
+    # All disparities together do what the focus does.
+    assert found["depth"].sum() == pytest.approx(-found["focus"], rel=1e-3)
+
+
+def test_nothing_changes_with_infinite_depth():
+    color, depth = balls()
+    depth = np.where(depth > 4.0, np.inf, depth)
+    found = dofsim.vjp(color, depth, LENS, color, wrt="depth")["depth"]
+    assert np.isfinite(found).all()
+    assert not found[np.isinf(depth)].any()
+    assert found.any()
+
+
+# Forward
+
+
+def test_along_colours_the_derivative_is_the_render_of_them():
+    color, depth = balls()
+    along = np.random.default_rng(2).standard_normal(color.shape).astype(np.float32)
+    found = dofsim.jvp(color, depth, LENS, {"color": along})
+    np.testing.assert_array_equal(found, dofsim.render(along, depth, LENS, guide=color, device="cpu"))
+
+
+def test_forward_and_backward_agree():
+    color, depth = wall(1.5, 4.5)
+    lens = blurred(LENS, depth, 6.0)
+    weights = np.random.default_rng(3).standard_normal(color.shape)
+    names = ("aperture_radius", "focus_distance")
+    back = dofsim.vjp(color, depth, lens, weights, wrt=names)
+    for name in names:
+        along = dofsim.jvp(color, depth, lens, {name: 1.0})
+        terms = np.abs(along * weights).sum()
+        assert np.vdot(along, weights) == pytest.approx(back[name], abs=2e-3 * terms)
+
+
+def test_tangents_add_up():
+    color, depth = wall(1.5, 4.5)
+    tangents = {"color": color, "depth": 0.1 * depth, "focus_distance": 0.3}
+    all_together = dofsim.jvp(color, depth, LENS, tangents)
+    each = sum(dofsim.jvp(color, depth, LENS, {name: along}) for name, along in tangents.items())
+    assert np.abs(all_together - each).mean() < 0.02 * np.abs(each).mean()
+
+
+# What is refused
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"wrt": ()}, "wrt must name at least one of color, alpha, depth, disparity, aperture_radius"),
+        ({"wrt": "fov"}, "wrt must be among color, .*; got 'fov'"),
+        ({"wrt": "focus"}, "wrt must be among color, .*; got 'focus'"),
+        ({"wrt": "alpha"}, "is the last of 4 channels"),
+        ({"cotangent": np.ones((3, 4, 3))}, r"cotangent must have the shape \(72, 130, 3\)"),
+        ({"cotangent": np.full((*SHAPE, 3), np.nan)}, "cotangent must be finite"),
+        ({"color": np.ones((*SHAPE, 3), np.uint8)}, "color must have dtype float16, float32 or float64"),
+        ({"depth_kind": "distance"}, "depth_kind must be z, inverse_z, disparity, relative for gradients"),
+        ({"depth_kind": "relative"}, "depth_range must be given"),
+        ({"lens": LENS.replace(axial_color=(0.01, 0.0, -0.01))}, "gradients are for a lens without axial_color"),
+        ({"lens": LENS.replace(cat_eye=0.5), "wrt": "depth"}, "for a lens without cat_eye"),
+        ({"lens": LENS.replace(tilt=(5.0, 0.0)), "wrt": "depth"}, "for a lens without tilt"),
+        ({"taps": 12}, "taps"),
+    ],
+)
+def test_what_cannot_be_differentiated_is_named(changes, message):
+    color, depth = wall(4.0, 4.0)
+    words = {"color": color, "depth": depth, "lens": LENS, "cotangent": color, **changes}
+    with pytest.raises((ValueError, TypeError), match=message):
+        dofsim.vjp(**words)
+
+
+def test_layers_are_refused_by_name():
+    layers, depths = np.ones((2, *SHAPE, 4), np.float32), np.stack([np.full(SHAPE, 2.0), np.full(SHAPE, 4.0)])
+    with pytest.raises(ValueError, match="layer"):
+        dofsim.vjp(layers, depths, LENS, np.ones((*SHAPE, 4)))
+    with pytest.raises(ValueError, match='"alpha" is part of|alpha is part of'):
+        dofsim.jvp(layers[0], depths[0], LENS, {"alpha": 1.0})
