@@ -5,6 +5,7 @@
 //! map is walked backward, step by step, with the same weights. Every tile adds to the cells that it has met, so tiles
 //! that are done at the same time have their own planes to add to; these are added up in the order of the rows.
 
+mod bands;
 mod disc;
 mod highlights;
 mod in_focus;
@@ -15,9 +16,8 @@ mod window;
 
 pub use shifts::of_shifts;
 
-use super::Input;
 use super::frame::Frame;
-use super::group::{Group, Sharpening};
+use super::group::{Group, Input, Sharpening};
 use super::segments::Segments;
 use super::tile_color::TileColor;
 use super::widen::Widening;
@@ -27,18 +27,14 @@ use crate::memory::Buffer;
 use crate::optics::Optics;
 use crate::picture::Size;
 use crate::plan::lens::Settings;
-use crate::plan::lens::tiles::{Tile, Work, Works};
+use crate::plan::lens::tiles::{Work, Works};
 use crate::scene::grid::TILE;
 use crate::scene::origins::{Form, Origin, Origins};
 use crate::simd::Simd;
+use bands::{Band, WAVE, bands, read};
 use highlights::Light;
 use rayon::prelude::*;
-use std::ops::Range;
 use window::{Sums, Window};
-
-/// Bands of tiles that are done at the same time. It bounds memory, and does not depend on the number of threads, so that
-/// no sum does.
-const BANDS: usize = 16;
 
 /// The adjoint of [`render`](super::render) for the colours of a picture of one layer: `cotangent` and the result are
 /// planes of its size. `origins` are those of the scene.
@@ -56,7 +52,7 @@ pub fn adjoint(
     let guide = Group { sharpening: Sharpening::Guided, ..Group::of_picture(input, &frame.highlights) };
     let mut sums = Sums::new(size, input.scene.layers.len());
     let mut light = vec![[0.0f32; 4]; frame.highlights.all.len()];
-    for wave in bands(&frame).chunks(BANDS) {
+    for wave in bands(&frame).chunks(WAVE) {
         let done = wave.par_iter().map(|band| of_band(&frame, size, band, cotangent));
         for (window, lights) in done.collect::<Result<Vec<_>>>()? {
             cancel.check()?;
@@ -81,30 +77,6 @@ pub fn adjoint(
     }
     let cells = of_cells(&frame, size, swept, &sums.level, &light);
     Ok(of_pixels(size, sums.given, &cells, origins))
-}
-
-/// The tiles of a frame in bands of whole rows of tiles: as high as the margin on both sides of them, so that a window is
-/// at most twice as high as its band, unless there would be too few bands.
-fn bands<'a>(frame: &'a Frame) -> Vec<Band<'a>> {
-    let padding = &frame.padded.padding;
-    let (across, down) = (padding.width.div_ceil(TILE.0), padding.height.div_ceil(TILE.1));
-    let rows = (2 * padding.pad).div_ceil(TILE.1).min(down.div_ceil(BANDS)).max(1);
-    let bands = frame.tiles.chunks(rows * across).zip(0..);
-    bands.map(|(tiles, band)| Band { tiles, first_tile: band * rows * across }).collect()
-}
-
-/// Some rows of tiles.
-struct Band<'a> {
-    tiles: &'a [Tile],
-    /// The number of the first tile.
-    first_tile: usize,
-}
-
-impl Band<'_> {
-    /// The rows of the frame, and those with which the last tiles go beyond it.
-    fn rows(&self) -> Range<usize> {
-        self.tiles[0].origin.1..self.tiles[self.tiles.len() - 1].origin.1 + TILE.1
-    }
 }
 
 /// What the tiles of a band add to pixels and cells, and to highlights.
@@ -136,18 +108,6 @@ fn of_band(frame: &Frame, size: Size, band: &Band, cotangent: &[f32]) -> Result<
         }
     }
     Ok((window, lights))
-}
-
-/// Reads a tile of planes; zero beyond the frame.
-fn read(size: Size, planes: &[f32], origin: (usize, usize), into: &mut TileColor) {
-    let (across, down) = (TILE.0.min(size.width - origin.0), TILE.1.min(size.height - origin.1));
-    for (plane, into) in planes.chunks_exact(size.pixels()).zip(&mut into.planes) {
-        into.fill(0.0);
-        for y in 0..down {
-            let start = (origin.1 + y) * size.width + origin.0;
-            into[y * TILE.0..][..across].copy_from_slice(&plane[start..start + across]);
-        }
-    }
 }
 
 fn scaled(from: &TileColor, by: f32, into: &mut TileColor) {

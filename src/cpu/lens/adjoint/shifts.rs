@@ -9,8 +9,9 @@
 //! A ray meets one cell, so the neighbours are what the rays of the neighbouring pixels meet. The border is on that side of
 //! the cell on which the middle of the pixel is.
 
+use super::bands::{Band, WAVE, bands, read};
+use super::sweep;
 use super::window::{Sums, Target, Window};
-use super::{Band, bands, read, sweep};
 use crate::cancel::Cancel;
 use crate::cpu::lens::frame::Frame;
 use crate::cpu::lens::group::{Group, Input};
@@ -59,7 +60,7 @@ pub fn of_shifts(
     frame.set_colors(std::slice::from_ref(&group), None);
     cancel.check()?;
     let mut sums = Sums::new(Size { channels: size.channels + 1, ..size }, input.scene.layers.len());
-    for wave in bands(&frame).chunks(super::BANDS) {
+    for wave in bands(&frame).chunks(WAVE) {
         let done = wave.par_iter().map(|band| of_band(&frame, size, band, cotangent));
         for window in done.collect::<Result<Vec<_>>>()? {
             cancel.check()?;
