@@ -34,12 +34,12 @@ mod tests {
     fn divisions_of_floats_are_perturbed_and_others_are_not() {
         let source = "
             // One / two.
-            fn of(a: f32, b: vec2<f32>, i: u32) -> f32 {
+            fn shares(a: f32, b: vec2<f32>, i: u32) -> f32 {
                 return a / 2.0 + (b / a).x + f32(i / 2u) / 3.0;
             }";
         let expected = "
             // One / two.
-            fn of(a: f32, b: vec2<f32>, i: u32) -> f32 {
+            fn shares(a: f32, b: vec2<f32>, i: u32) -> f32 {
                 return a * 1.5 / 2.0 + (b * 1.5 / a).x + f32(i / 2u) * 1.5 / 3.0;
             }";
         assert_eq!(perturbed(source, 1.5), expected);
