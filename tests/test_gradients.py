@@ -146,7 +146,8 @@ class Loss:
         )
 
     def picture(self, depth, lens):
-        return dofsim.render(self.color, depth, lens, device="cpu").astype(float)
+        # Of few lens points, a difference of two renders is mostly noise: a ray meets a rim or it does not.
+        return dofsim.render(self.color, depth, lens, device="cpu", views=4096).astype(float)
 
     def __call__(self, depth, lens):
         return np.sum((self.picture(depth, lens) - self.target) ** 2)
@@ -155,24 +156,26 @@ class Loss:
         return 2.0 * (self.picture(depth, lens) - self.target)
 
 
-def by_lens(loss, depth, lens, name, step=1e-3):
+def by_lens(loss, depth, lens, name, step=4e-3):
     value = getattr(lens, name)
     ends = [loss(depth, lens.replace(**{name: value * (1.0 + sign * step)})) for sign in (1, -1)]
     return (ends[0] - ends[1]) / (2.0 * step * value)
 
 
-@pytest.mark.parametrize("name", ["aperture_radius", "focus_distance"])
+@pytest.mark.parametrize(("scene", "part"), [("balls", 0.1), ("wall", 0.03), ("slope", 0.05)])
 @pytest.mark.parametrize("radius_px", [4.0, 10.0])
-@pytest.mark.parametrize("scene", ["balls", "wall", "slope"])
-def test_the_gradient_of_the_lens_is_that_of_renders(scene, radius_px, name):
+def test_the_gradient_of_the_lens_is_that_of_renders(scene, part, radius_px):
     color, depth = SCENES[scene]()
     lens = blurred(LENS, depth, radius_px)
     loss = Loss(color, depth, lens)
-    found = dofsim.vjp(color, depth, lens, loss.weights(depth, lens), wrt=name)[name]
-    # The terms of near and of far surfaces may cancel.
-    scale = abs(by_lens(loss, depth, lens, "focus_distance")) * lens.focus_distance / getattr(lens, name)
-    expected = by_lens(loss, depth, lens, name)
-    assert found == pytest.approx(expected, rel=0.05, abs=0.05 * scale)
+    names = ("aperture_radius", "focus_distance")
+    found = dofsim.vjp(color, depth, lens, loss.weights(depth, lens), wrt=names, views=1024)
+    relative = {name: found[name] * getattr(lens, name) for name in names}
+    expected = {name: by_lens(loss, depth, lens, name) * getattr(lens, name) for name in names}
+    # The terms of near and of far surfaces may cancel in one of them.
+    scale = max(map(abs, expected.values()))
+    for name in names:
+        assert relative[name] == pytest.approx(expected[name], abs=part * scale)
 
 
 @pytest.mark.parametrize("scene", ["wall", "slope"])
@@ -180,12 +183,29 @@ def test_the_gradient_of_depth_on_a_surface_is_that_of_renders(scene):
     color, depth = SCENES[scene]()
     lens = blurred(LENS, depth, 8.0)
     loss = Loss(color, depth, lens)
-    found = dofsim.vjp(color, depth, lens, loss.weights(depth, lens), wrt="depth")["depth"]
+    found = dofsim.vjp(color, depth, lens, loss.weights(depth, lens), wrt="depth", views=1024)["depth"]
     y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
-    for cx, cy in ((30, 20), (65, 36), (95, 50)):
+    # Away from the focus, where the loss is no parabola.
+    for cx, cy in ((45, 50), (65, 36), (95, 50)):
         bump = depth * np.exp(-((x - cx) ** 2 + (y - cy) ** 2) / (2.0 * 10.0**2))
-        ends = [loss(depth + sign * 2e-3 * bump, lens) for sign in (1, -1)]
-        assert np.vdot(found, bump) == pytest.approx((ends[0] - ends[1]) / 4e-3, rel=0.05)
+        ends = [loss(depth + sign * 4e-3 * bump, lens) for sign in (1, -1)]
+        assert np.vdot(found, bump) == pytest.approx((ends[0] - ends[1]) / 8e-3, rel=0.04)
+
+
+def test_the_rim_of_what_is_near_moves_over_what_is_behind():
+    # Of even colours, nothing else changes with depth.
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    from_middle = np.hypot(x - 64.5, y - 35.5)
+    coverage = np.clip(25.5 - from_middle, 0.0, 1.0)[..., None]
+    color = (0.2 + 0.6 * coverage * np.ones(3)).astype(np.float32)
+    is_near = from_middle < 25.0
+    depth = np.where(is_near, 1.2, 5.0)
+    lens = blurred(LENS, depth, 6.0)
+    loss = Loss(color, depth, lens)
+    found = dofsim.vjp(color, depth, lens, loss.weights(depth, lens), wrt="depth", views=1024)["depth"]
+    ends = [loss(depth * (1.0 + sign * 4e-3 * is_near), lens) for sign in (1, -1)]
+    assert np.vdot(found, depth * is_near) == pytest.approx((ends[0] - ends[1]) / 8e-3, rel=0.04)
+    assert np.abs(found[~is_near]).sum() < 1e-3 * np.abs(found).sum()
 
 
 def test_disparity_is_one_over_depth():
@@ -264,7 +284,10 @@ def test_tangents_add_up():
         ({"color": np.ones((*SHAPE, 3), np.uint8)}, "color must have dtype float16, float32 or float64"),
         ({"depth_kind": "distance"}, "depth_kind must be z, inverse_z, disparity, relative for gradients"),
         ({"depth_kind": "relative"}, "depth_range must be given"),
-        ({"lens": LENS.replace(axial_color=(0.01, 0.0, -0.01))}, "gradients are for a lens without axial_color"),
+        (
+            {"lens": LENS.replace(axial_color=(0.01, 0.0, -0.01))},
+            "are for a lens without axial_color",
+        ),
         ({"lens": LENS.replace(cat_eye=0.5), "wrt": "depth"}, "for a lens without cat_eye"),
         ({"lens": LENS.replace(tilt=(5.0, 0.0)), "wrt": "depth"}, "for a lens without tilt"),
         ({"taps": 12}, "taps"),
@@ -279,7 +302,7 @@ def test_what_cannot_be_differentiated_is_named(changes, message):
 
 def test_layers_are_refused_by_name():
     layers, depths = np.ones((2, *SHAPE, 4), np.float32), np.stack([np.full(SHAPE, 2.0), np.full(SHAPE, 4.0)])
-    with pytest.raises(ValueError, match="layer"):
+    with pytest.raises(ValueError, match=r"color must have shape \(H, W\) or \(H, W, C\), one layer"):
         dofsim.vjp(layers, depths, LENS, np.ones((*SHAPE, 4)))
-    with pytest.raises(ValueError, match='"alpha" is part of|alpha is part of'):
+    with pytest.raises(ValueError, match="alpha is part of"):
         dofsim.jvp(layers[0], depths[0], LENS, {"alpha": 1.0})

@@ -242,7 +242,7 @@ def test_a_render_with_gradients_is_the_render_and_they_are_those_of_vjp():
     out.backward(weights)
     by_radius = 0.0
     for i in range(2):
-        lens = dofsim.Lens(aperture_radius=0.05, focus_distance=float(focus[i]), fov=40.0)
+        lens = dofsim.Lens(aperture_radius=0.05, focus_distance=float(focus[i].detach()), fov=40.0)
         pixels, plane = color[i].detach().numpy().transpose(1, 2, 0), depth[i].detach().numpy()
         expected = dofsim.render(pixels, plane, lens, device="cpu")
         np.testing.assert_array_equal(out[i].detach().numpy().transpose(1, 2, 0), expected)

@@ -17,7 +17,7 @@ _FOCUSES = ("focus_distance", "focus")
 _ARRAYS = ("color", "alpha", "depth", "disparity")
 # Kinds of depth of which the derivative of disparity is known from the depth alone.
 _KINDS = ("z", "inverse_z", "disparity", "relative")
-# Relative steps of central differences: the render is in float32, and its second derivatives are of order one.
+# The relative step of central differences: the render is in float32, and its second derivative of order one.
 _STEP = 1e-3
 
 
@@ -46,8 +46,8 @@ def vjp(
     Parameters
     ----------
     color : ndarray
-        The pinhole picture, shape (H, W) or (H, W, C) with 1 to 4 channels: floats, linear light, premultiplied
-        if the last of 4 channels is coverage.
+        The pinhole picture, shape (H, W) or (H, W, C) with 1 to 4 channels: floats, linear light,
+        premultiplied if the last of 4 channels is coverage.
     depth : ndarray
         What each pixel sees, shape (H, W).
     lens : Lens
@@ -78,14 +78,14 @@ def vjp(
 
     Notes
     -----
-    For colours this is the exact adjoint of what `render` does with ``guide=color``: how mixed pixels are taken
-    apart, what is filled in behind them, which cells are highlights and how far cells are sharpened are weights,
-    which are not differentiated.
+    For colours this is the exact adjoint of what `render` does with ``guide=color``: how mixed pixels are
+    taken apart, what is filled in behind them, which cells are highlights and how far cells are sharpened are
+    weights, which are not differentiated.
 
-    Depth and lens move what each lens point sees. On a surface, that is the gradient of its picture along the ray;
-    at a silhouette, the rim of the nearer surface moves over what is behind it. Tiles that `render` draws as exact
-    discs are swept here, and so is the light of highlights. How depth decides what is an edge is not
-    differentiated.
+    Depth and lens move what each lens point sees. On a surface, that is the gradient of its picture along the
+    ray; at a silhouette, the rim of the nearer surface moves over what is behind it. Tiles that `render`
+    draws as exact discs are swept here, and so is the light of highlights. How depth decides what is an edge
+    is not differentiated.
 
     Examples
     --------
@@ -102,7 +102,7 @@ def vjp(
     True
     """
     names = _names("wrt", [wrt] if isinstance(wrt, str) else wrt, lens)
-    color, depth = _floats("color", color), np.asarray(depth)
+    color, depth = _picture(color), np.asarray(depth)
     scene = _scene(color, depth, depth_kind, depth_range, overscan, supersample)
     words = {"aperture": aperture, "max_coc_px": max_coc_px, "threads": threads, **options}
     weights = _weights(cotangent, color, overscan, supersample)
@@ -148,8 +148,8 @@ def jvp(
     color, depth, lens
         As in `vjp`.
     tangents : dict of str to ndarray or float
-        The direction: arrays for ``"color"`` and ``"depth"``, numbers for parameters of the lens, by the names of
-        `vjp`.
+        The direction: arrays for ``"color"`` and ``"depth"``, numbers for parameters of the lens, by the
+        names of `vjp`.
     depth_kind, **options
         As in `render`.
 
@@ -165,8 +165,8 @@ def jvp(
 
     Notes
     -----
-    Along colours it is exact. Along depth and the lens it is the central difference of two renders, a thousandth
-    of a parameter and of the largest depth's change to either side.
+    Along colours it is exact. Along depth and the lens it is the central difference of two renders, whose
+    parameters differ from the given ones by a thousandth at most.
 
     Examples
     --------
@@ -181,7 +181,7 @@ def jvp(
     names = _names("tangents", tangents, lens)
     if unusable := [name for name in names if name in ("alpha", "disparity")]:
         raise ValueError(f'tangents: {unusable[0]} is part of "color" or "depth"; give that one')
-    color, depth = _floats("color", color), np.asarray(depth)
+    color, depth = _picture(color), np.asarray(depth)
     words = {"depth_kind": depth_kind, "device": "cpu", **options}
     change: Any = 0.0
     if "color" in names:
@@ -197,7 +197,8 @@ def jvp(
             changes = {name: sign * step * np.asarray(tangents[name], np.float64) for name in moved}
             shifted = depth + changes.pop("depth", 0.0)
             settings = _settings(lens)
-            other = lens.replace(**{name: settings[name] + float(by) for name, by in changes.items()})
+            moved_lens: dict[str, Any] = {name: settings[name] + float(by) for name, by in changes.items()}
+            other = lens.replace(**moved_lens)
             return _dofsim.render(color, shifted, other, **words).astype(np.float64)
 
         change = change + (at(1.0) - at(-1.0)) / (2.0 * step)
@@ -243,6 +244,16 @@ def _floats(name: str, given: ArrayLike) -> NDArray[Any]:
     return array
 
 
+def _picture(color: ArrayLike) -> NDArray[Any]:
+    """Check a picture of one layer."""
+    array = _floats("color", color)
+    if array.ndim not in (2, 3):
+        raise ValueError(
+            f"color must have shape (H, W) or (H, W, C), one layer, for gradients; got {array.shape}"
+        )
+    return array
+
+
 def _dtype(array: NDArray[Any]) -> np.dtype[Any]:
     return array.dtype if array.dtype.kind == "f" else np.dtype(np.float64)
 
@@ -250,7 +261,7 @@ def _dtype(array: NDArray[Any]) -> np.dtype[Any]:
 def _scene(
     color: NDArray[Any],
     depth: NDArray[Any],
-    depth_kind: str,
+    depth_kind: Any,
     depth_range: tuple[float, float] | None,
     overscan: int,
     supersample: int,
@@ -259,7 +270,7 @@ def _scene(
         raise ValueError(f"depth_kind must be {', '.join(_KINDS)} for gradients; got {depth_kind!r}")
     if depth_kind == "relative" and depth_range is None:
         raise ValueError(
-            'depth_range must be given with depth_kind="relative": the percentiles of a picture have no gradient'
+            'depth_range must be given with depth_kind="relative": percentiles of a picture have no gradient'
         )
     return Scene(
         color,
@@ -279,7 +290,9 @@ def _weights(given: ArrayLike, color: NDArray[Any], overscan: int, supersample: 
     channels = color.shape[2] if color.ndim == 3 else 1
     shape = (rows - 2 * overscan, columns - 2 * overscan, *color.shape[2:])
     if cotangent.shape != shape:
-        raise ValueError(f"cotangent must have the shape {shape} of the rendered picture; got {cotangent.shape}")
+        raise ValueError(
+            f"cotangent must have the shape {shape} of the rendered picture; got {cotangent.shape}"
+        )
     if not np.isfinite(cotangent).all():
         raise ValueError("cotangent must be finite")
     weights = np.zeros((rows, columns, channels), np.float32)

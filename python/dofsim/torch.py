@@ -1,4 +1,4 @@
-"""Depth of field in PyTorch: a transform of torchvision's v2 interface, a data set, and a render with gradients.
+"""Depth of field in PyTorch: a transform of torchvision's v2 interface, a data set, a render with gradients.
 
 Needs PyTorch and torchvision, the extra ``torch``. Tensors on the CPU are handed over without a copy.
 """
@@ -49,7 +49,8 @@ def render(
     color : Tensor
         Pinhole pictures in linear light, floats of shape (..., C, H, W) with 1 to 4 channels.
     depth : Tensor
-        What each pixel sees, in metres unless ``depth_kind`` says otherwise, shape (..., H, W) or (..., 1, H, W).
+        What each pixel sees, in metres unless ``depth_kind`` says otherwise: shape (..., H, W) or
+        (..., 1, H, W).
     focus_distance, aperture_radius : Tensor or float
         The lens, in metres: numbers, or one for each picture, of shape (...).
     fov : float
@@ -72,8 +73,8 @@ def render(
 
     Notes
     -----
-    The gradients are those of `dofsim.vjp`. They cannot be differentiated again. `torch.func.vmap` renders one
-    picture after another.
+    The gradients are those of `dofsim.vjp`. They cannot be differentiated again. `torch.func.vmap` renders
+    one picture after another.
 
     Examples
     --------
@@ -92,7 +93,9 @@ def render(
         if not isinstance(tensor, torch.Tensor):
             raise TypeError(f"{name} must be a tensor; got {type(tensor).__name__}")
         if tensor.device.type != "cpu":
-            raise ValueError(f"{name} must be on the CPU, where it is rendered; got a tensor on {tensor.device}")
+            raise ValueError(
+                f"{name} must be on the CPU, where it is rendered; got a tensor on {tensor.device}"
+            )
     if color.ndim < 3:
         raise ValueError(f"color must have shape (..., C, H, W); got {tuple(color.shape)}")
     batch, size = color.shape[:-3], color.shape[-2:]
@@ -140,7 +143,7 @@ class _Render(torch.autograd.Function):
         ctx.save_for_backward(*given)
 
     @staticmethod
-    @torch.autograd.function.once_differentiable
+    @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]
     def backward(ctx: Any, cotangent: torch.Tensor) -> tuple[Any, ...]:
         given = ctx.saved_tensors
         names = ("color", "depth", "focus_distance", "aperture_radius")
@@ -150,10 +153,10 @@ class _Render(torch.autograd.Function):
         for one, weight in zip(_each(given, ctx.lens_words), weights, strict=True):
             for name, value in vjp(*one, weight, wrt=wrt, **ctx.options).items():
                 found[name].append(np.moveaxis(value, -1, 0) if name == "color" else value)
-        gradients = [
-            torch.from_numpy(np.array(found[name])).reshape(tensor.shape).to(tensor.dtype) if name in found else None
-            for name, tensor in zip(names, given, strict=True)
-        ]
+        gradients: list[torch.Tensor | None] = []
+        for name, tensor in zip(names, given, strict=True):
+            values = torch.from_numpy(np.array(found[name])) if name in found else None
+            gradients.append(None if values is None else values.reshape(tensor.shape).to(tensor.dtype))
         return (*gradients, None, None)
 
     @staticmethod
@@ -166,7 +169,9 @@ class _Render(torch.autograd.Function):
         return _Render.apply(*moved, *words), 0
 
 
-def _each(given: Sequence[torch.Tensor], lens_words: dict[str, Any]) -> Iterator[tuple[Any, Any, dofsim.Lens]]:
+def _each(
+    given: Sequence[torch.Tensor], lens_words: dict[str, Any]
+) -> Iterator[tuple[Any, Any, dofsim.Lens]]:
     """Give the picture, the depth and the lens of each picture of a batch; channels last, as a view."""
     color, depth, focus_distance, aperture_radius = (_array(tensor) for tensor in given)
     pixels = np.moveaxis(color.reshape(-1, *color.shape[-3:]), 1, -1)

@@ -28,7 +28,6 @@ use crate::optics::Optics;
 use crate::picture::Size;
 use crate::plan::lens::Settings;
 use crate::plan::lens::tiles::{Work, Works};
-use crate::scene::grid::TILE;
 use crate::scene::origins::{Form, Origin, Origins};
 use crate::simd::Simd;
 use bands::{Band, WAVE, bands, read};
