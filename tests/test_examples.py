@@ -72,6 +72,11 @@ def folder(tmp_path, monkeypatch):
     words = {"lens": 50.0, "fstop": 1.8, "focus_distance": 0.6, "sensor_width": 36.0, "aperture_blades": 7}
     Path("camera.json").write_text(json.dumps(words))
     small, near = color[::4, ::4], np.where(np.isinf(depth), 100.0, depth)[::4, ::4]
+    io.write_image("character.exr", small, depth=near)
+    half = np.arange(small.shape[1])[:, None] < small.shape[1] // 2
+    io.write_image(
+        "set.exr", half * np.ones((*small.shape[:2], 4), np.float32), depth=0.4 * np.ones_like(near)
+    )
     for name in ("color", "depth", "shots"):
         Path(name).mkdir()
     for index in range(2):
@@ -167,6 +172,8 @@ def test_python_that_is_shown_runs(name, code, folder):
         torch = pytest.importorskip("torch")
         pytest.importorskip("torchvision")
         names["sharp_data"] = [torch.rand(3, 8, 8)]
+    if "import jax" in code:
+        pytest.importorskip("jax")
     exec(compiled, names)
 
 
