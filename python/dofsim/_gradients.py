@@ -84,8 +84,8 @@ def vjp(
 
     Depth and lens move what each lens point sees. On a surface, that is the gradient of its picture along the
     ray; at a silhouette, the rim of the nearer surface moves over what is behind it. Tiles that `render`
-    draws as exact discs are swept here, and so is the light of highlights. How depth decides what is an edge
-    is not differentiated.
+    draws as exact discs are swept here. Of highlights the discs change with depth, but not what hides them.
+    How depth decides what is an edge is not differentiated.
 
     Examples
     --------

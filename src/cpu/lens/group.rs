@@ -72,11 +72,6 @@ impl<'a> Group<'a> {
         }
     }
 
-    /// The channels of the picture with all of their light in their cells.
-    pub fn undimmed(input: &Input<'a>) -> Group<'a> {
-        Group::of_picture(input, &Highlights::default())
-    }
-
     /// The groups of channels that the picture carries. Of each cell's light, the part is a highlight that the picture has
     /// found.
     pub fn carried(input: &Input<'a>, highlights: &Highlights) -> Vec<Group<'a>> {

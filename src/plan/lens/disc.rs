@@ -26,6 +26,11 @@ pub fn position_of(t: f64) -> f64 {
     kernels::position(t) / f64::from(APART)
 }
 
+/// By how much the position rises with each pixel of shift.
+pub fn position_slope(t: f64) -> f64 {
+    kernels::steps_per_px(t) / f64::from(APART)
+}
+
 /// The discs between which these positions lie.
 pub fn range_of(positions: impl Iterator<Item = f64>) -> RangeInclusive<i32> {
     let (least, greatest) =

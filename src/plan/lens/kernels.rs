@@ -21,6 +21,11 @@ pub fn position(t: f64) -> f64 {
     steps.copysign(t)
 }
 
+/// Radius steps per pixel at shift `t`.
+pub fn steps_per_px(t: f64) -> f64 {
+    if t.abs() < SMALL_PX { FINE } else { COARSE }
+}
+
 /// The shift of a radius step.
 fn shift(key: i32) -> f64 {
     let steps = f64::from(key.abs());

@@ -4,13 +4,15 @@ use crate::cpu::lens::frame::Frame;
 use crate::cpu::lens::highlights::Disc;
 use crate::cpu::lens::shadows::{Hidden, Shadows};
 use crate::cpu::lens::tile_color::TileColor;
+use crate::plan::lens::disc;
 use crate::plan::lens::tiles::Tile;
 use crate::scene::grid::TILE;
 
-/// What a highlight contributes by its light in each channel.
+/// What a highlight contributes by its light in each channel, and how that changes with its shift.
 pub struct Light {
     pub number: usize,
     pub light: [f32; 4],
+    pub by_shift: [f32; 4],
 }
 
 /// Sums along the rows of a tile, from which those of runs of pixels are differences.
@@ -71,14 +73,28 @@ pub fn adjoint(frame: &Frame, number: usize, tile: &Tile, cotangent: &TileColor,
             whole.get_or_insert_with(|| RunningSums::new(cotangent, |_| 1.0))
         };
         for number in cluster.members.clone() {
-            let mut light = [0.0; 4];
-            for disc in pass.discs(number, tile) {
-                let Disc { step, share } = disc;
-                pass.visit_disc(number, step, share, tile.origin, |y, columns, weight| {
-                    sums.add(y, columns, weight, &mut light);
+            let highlight = &highlights.all[number];
+            let (mut light, mut by_shift) = ([0.0; 4], [0.0; 4]);
+            // The shares of both discs are linear in the position between them.
+            let slope = disc::position_slope(highlight.t);
+            for Disc { step, share } in pass.discs(number, tile) {
+                let mut of_disc = [0.0; 4];
+                pass.visit_disc(number, step, 1.0, tile.origin, |y, columns, weight| {
+                    sums.add(y, columns, weight, &mut of_disc);
                 });
+                let [first, last] = highlight.steps;
+                let toward = match step {
+                    _ if first == last => 0.0,
+                    _ if step == first => -slope,
+                    _ => slope,
+                };
+                for c in 0..4 {
+                    light[c] += f64::from(share) * of_disc[c];
+                    by_shift[c] += toward * of_disc[c];
+                }
             }
-            into.push(Light { number, light: light.map(|v| v as f32) });
+            let [light, by_shift] = [light, by_shift].map(|values| values.map(|v| v as f32));
+            into.push(Light { number, light, by_shift });
         }
     }
 }

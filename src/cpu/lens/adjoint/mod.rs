@@ -56,7 +56,7 @@ pub fn adjoint(
         for (window, lights) in done.collect::<Result<Vec<_>>>()? {
             cancel.check()?;
             sums.add(&window);
-            for Light { number, light: more } in lights {
+            for Light { number, light: more, .. } in lights {
                 light[number].iter_mut().zip(more).for_each(|(sum, v)| *sum += v);
             }
         }

@@ -10,6 +10,7 @@
 //! the cell on which the middle of the pixel is.
 
 use super::bands::{Band, WAVE, bands, read};
+use super::highlights::{self, Light};
 use super::sweep;
 use super::window::{Sums, Target, Window};
 use crate::cancel::Cancel;
@@ -53,31 +54,38 @@ pub fn of_shifts(
 ) -> Result<Vec<Buffer<f32>>> {
     let size = input.picture.size;
     let mut frame = Frame::new(input, optics, settings, Works::Sweeps, simd, cancel)?;
-    // All of a cell's light is where it is seen, also that of highlights.
-    let group = Group::undimmed(input);
+    let group = Group::of_picture(input, &frame.highlights);
     // Widening takes away texture, which moves; the noise of few samples has no mean.
     frame.footprint = Footprint::new(frame.padded.reach_px, |_| 1, |_, _| 0.0);
     frame.set_colors(std::slice::from_ref(&group), None);
     cancel.check()?;
     let mut sums = Sums::new(Size { channels: size.channels + 1, ..size }, input.scene.layers.len());
+    let mut by_highlight = vec![0.0f32; frame.highlights.all.len()];
     for wave in bands(&frame).chunks(WAVE) {
         let done = wave.par_iter().map(|band| of_band(&frame, size, band, cotangent));
-        for window in done.collect::<Result<Vec<_>>>()? {
+        for (window, lights) in done.collect::<Result<Vec<_>>>()? {
             cancel.check()?;
             sums.add(&window);
+            for Light { number, by_shift, .. } in lights {
+                let changes = by_shift.iter().zip(group.excess[number]);
+                by_highlight[number] += changes.map(|(by_shift, excess)| by_shift * excess).sum::<f32>();
+            }
         }
     }
     let n = size.pixels();
     let of_layers = input.scene.layers.iter().zip(sums.swept).enumerate();
     let by_shift = of_layers.map(|(i, (layer, sums))| {
         let (by_color, by_place) = sums.split_at(size.channels * n);
-        let drawn = Sharpened { frame: &frame, size, layer: i, colors: &group.dimmed, by_color };
+        let drawn = Sharpened { frame: &frame, size, layer: i, colors: group.swept(), by_color };
         let mut by_shift = Buffer::from(by_place);
         by_shift.par_iter_mut().enumerate().filter(|(index, _)| !layer.s[*index].is_nan()).for_each(
             |(index, sum)| {
                 *sum += drawn.by_shift(index);
             },
         );
+        for (h, change) in frame.highlights.all.iter().zip(&by_highlight).filter(|(h, _)| h.layer == i) {
+            by_shift[h.y as usize * size.width + h.x as usize] += h.drawn * change;
+        }
         by_shift
     });
     Ok(by_shift.collect())
@@ -129,17 +137,18 @@ impl Sharpened<'_> {
 }
 
 /// What the tiles of a band add.
-fn of_band(frame: &Frame, size: Size, band: &Band, cotangent: &[f32]) -> Result<Window> {
+fn of_band(frame: &Frame, size: Size, band: &Band, cotangent: &[f32]) -> Result<(Window, Vec<Light>)> {
     let layers = frame.input.scene.layers.len();
     // The last plane of each layer is that of shifts.
     let mut window = Window::new(&frame.padded.padding, size.channels + 1, layers, band.rows());
-    let mut segments = Segments::default();
+    let (mut segments, mut lights) = (Segments::default(), Vec::new());
     let mut views = Views::new(size.channels);
     let mut given = TileColor::new(size.channels);
-    for tile in band.tiles {
+    for (number, tile) in (band.first_tile..).zip(band.tiles) {
         frame.cancel.check()?;
         let Work::Sweep { samples, occupied, .. } = &tile.work else { continue };
         read(size, cotangent, tile.origin, &mut given);
+        highlights::adjoint(frame, number, tile, &given, &mut lights);
         frame.trace(&mut segments, tile, *samples, occupied);
         views.clear(segments.samples());
         let of_tile = match frame.simd.instruction_set() {
@@ -162,7 +171,7 @@ fn of_band(frame: &Frame, size: Size, band: &Band, cotangent: &[f32]) -> Result<
             );
         }
     }
-    Ok(window)
+    Ok((window, lights))
 }
 
 /// What every sample of a tile sees.
