@@ -118,12 +118,16 @@ impl DeepSamples<'_> {
         let (across, down) = ((columns.end - columns.start) as usize, (rows.end - rows.start) as usize);
         let mut color = vec![0.0; layers * down * across * 4];
         let mut depth = vec![f32::INFINITY; layers * down * across];
-        // The rows of the output that are seen; each with those of all layers.
-        let mut out: Vec<Vec<(&mut [f32], &mut [f32])>> = (0..down).map(|_| Vec::new()).collect();
-        let lines = color.chunks_exact_mut(across * 4).zip(depth.chunks_exact_mut(across));
-        lines.enumerate().for_each(|(line, planes)| out[line % down].push(planes));
+        // The rows of the output that have pixels; each with those of all layers.
         let top = (seen.start as i64 - rows.start).max(0) as usize;
-        out[top..].par_iter_mut().zip(&merged).for_each(|(out, (counts, samples))| {
+        let mut out: Vec<Vec<(&mut [f32], &mut [f32])>> = merged.iter().map(|_| Vec::new()).collect();
+        let lines = color.chunks_exact_mut(across * 4).zip(depth.chunks_exact_mut(across));
+        for (line, planes) in lines.enumerate() {
+            if let Some(row) = (line % down).checked_sub(top).and_then(|row| out.get_mut(row)) {
+                row.push(planes);
+            }
+        }
+        out.par_iter_mut().zip(&merged).for_each(|(out, (counts, samples))| {
             let mut samples = samples.iter();
             for (x, count) in (-columns.start..).zip(counts) {
                 for (layer, sample) in samples.by_ref().take(*count as usize).enumerate() {

@@ -486,6 +486,17 @@ def test_a_short_file_that_claims_a_huge_window_is_cheap(tmp_path, noise, window
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 64 * 1024
 
 
+def test_empty_surroundings_take_no_more_memory_than_what_is_returned(tmp_path, noise):
+    # The tallest window that any file may have.
+    (tmp_path / "deep.exr").write_bytes(deep_scanlines(noise, display_window=(0, 0, 0, 2**24 - 1)))
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    color, depth = io.read_rgbd(tmp_path / "deep.exr")
+    assert color.shape[1:3] == (2**24, 1)
+    assert np.isinf(depth[:, noise["Z"].shape[0] :]).all()
+    taken = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+    assert taken < color.nbytes + depth.nbytes + depth.size + (64 << 20)
+
+
 def test_words_that_deep_files_do_not_take(tmp_path, noise):
     (tmp_path / "deep.exr").write_bytes(deep_scanlines(noise))
     with pytest.raises(ValueError, match="layer and depth_channel"):

@@ -7,7 +7,7 @@
 use super::deep_header::{Block, Channel, Header, Type, headers};
 use super::parallel::for_each_parallel;
 use super::read::Window;
-use super::unpack::unpack;
+use super::unpack::{EXPANSION, unpack};
 use crate::files::error::{Problem, Result};
 use crate::files::source::{check_claim, check_regular, with_path};
 use half::f16;
@@ -144,6 +144,11 @@ fn packed<'a>(
             return Err(Problem::Damaged("its blocks are longer than the file".into()));
         }
         check_claim(u128::from(unpacked), file.len() as u64)?;
+        // What is claimed is also held against the bytes of the block itself: many short blocks may not claim much together.
+        let fits = |packed: u64, claimed: u64| u128::from(claimed) <= u128::from(packed) * EXPANSION as u128;
+        if !fits(table, 4 * (area.width * area.height) as u64) || !fits(samples, unpacked) {
+            return Err(Problem::Damaged("a block of pixels claims more than its bytes can hold".into()));
+        }
         let table_end = numbers.at + table;
         blocks.push(Packed {
             area,

@@ -23,9 +23,11 @@ pub fn unpack(packed: &[u8], length: usize, compression: Compression) -> Result<
     }
 }
 
+/// The most bytes that deflate or runs make of one.
+pub const EXPANSION: usize = 1032;
+
 /// The most bytes that deflate or runs make of so many.
 fn most(packed: usize, length: usize) -> usize {
-    const EXPANSION: usize = 1032;
     packed.saturating_mul(EXPANSION).min(length)
 }
 
