@@ -1,6 +1,7 @@
 """What `dofsim devices` prints."""
 
 import os
+import textwrap
 
 from . import _console, _dofsim
 from ._dofsim import Device
@@ -18,10 +19,11 @@ def describe(device: Device) -> None:
     """Print what an adapter is and can."""
     print(f"{device.id}  {device.name}")
     where = f", {device.pci_bus_id}" if device.pci_bus_id else ""
-    print(f"       {device.kind}, {device.backend}, {device.driver}{where}")
-    memory = "" if device.memory_bytes is None else f"{_mebibytes(device.memory_bytes)} MiB of memory, "
+    _print(f"{device.kind}, {device.backend}, {device.driver}{where}")
+    if device.memory_bytes is not None:
+        _print(f"{_mebibytes(device.memory_bytes)} MiB of memory")
     buffers = f"buffers of up to {_mebibytes(device.max_binding_bytes)} MiB"
-    print(f"       {memory}{buffers}; larger frames are rendered in bands")
+    _print(f"{buffers}; larger frames are rendered in bands")
     if not device.measures_time:
         print("       does not measure time: no --profile")
     if not device.blends_floats:
@@ -33,7 +35,17 @@ def describe(device: Device) -> None:
         taken += f": used only if it is named (--device {device.id})"
     elif device.kind != "discrete":
         taken += f": used with --device gpu or {device.id}, and not by itself"
-    print(f"       {taken}")
+    _print(taken)
+
+
+def _print(words: str) -> None:
+    """Print lines beside the name of an adapter."""
+    print(textwrap.indent(textwrap.fill(words, 73, break_on_hyphens=False), 7 * " "))
+
+
+def wrapped(sentence: str) -> str:
+    """Give a sentence in lines that fit a terminal."""
+    return textwrap.fill(sentence, 80, break_long_words=False, break_on_hyphens=False)
 
 
 def automatic() -> str:

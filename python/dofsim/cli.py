@@ -401,9 +401,8 @@ def devices_command(
         all_agree &= not check or _devices.check(device, verbose=verbose)
     if all(device.kind == "software" for device in found):
         print("There is no GPU.")
-    for sentence in lacking:
-        print(sentence)
-    print(_devices.automatic())
+    for sentence in [*lacking, _devices.automatic()]:
+        print(_devices.wrapped(sentence))
     if not all_agree:
         raise typer.Exit(1)
 
