@@ -221,8 +221,8 @@ unsafe fn sweep_tile_of_groups<L: Lanes>(
             origin,
             missed_rule,
             #[inline(always)]
-            |pixels, segments, hits, (x, y)| {
-                let base = padded.padding.index(origin.0 + x, origin.1 + y);
+            |pixels, segments, hits| {
+                let base = padded.padding.index(origin.0 + pixels.at.0, origin.1 + pixels.at.1);
                 for ((out, color), first) in out.iter_mut().zip(&colors).zip(&firsts) {
                     with_channels!(out.planes.len(), C => {
                         let mut sums = [[[0.0; MOST]; C]; ROWS];
@@ -237,18 +237,18 @@ unsafe fn sweep_tile_of_groups<L: Lanes>(
 }
 
 /// Finds what a whole tile meets, and visits its pixels, as many as are swept together, with the segments that all of them
-/// have met and with what some of them have, and with the place of the first in the tile.
+/// have met and with what some of them have.
 ///
 /// # Safety
 ///
 /// As for [`sweep_rows`].
 #[inline(always)]
-pub unsafe fn visit_hits<L: Lanes>(
+unsafe fn visit_hits<L: Lanes>(
     padded: &Padded,
     segments: &mut Segments,
     origin: (usize, usize),
     missed_rule: Missed,
-    mut visit: impl FnMut(&Pixels, &Segments, &[Hit], (usize, usize)),
+    mut visit: impl FnMut(&Pixels, &Segments, &[Hit]),
 ) {
     let layers: Vec<Planes<0>> = padded.layers.iter().map(Planes::of).collect();
     let stride = padded.padding.stride;
@@ -272,7 +272,7 @@ pub unsafe fn visit_hits<L: Lanes>(
                 sweep_rows::<L, 0>(&layers, stride, segments, (x, y), base, &mut swept, hit);
             }
             let pixels = Pixels::new(segments, &swept.missed, missed_rule, (x, y), L::CELLS);
-            visit(&pixels, segments, &hits, (x, y));
+            visit(&pixels, segments, &hits);
         },
     );
 }
@@ -282,8 +282,8 @@ pub struct Pixels {
     /// The number of samples by which the sums of each are divided.
     met: [[f32; MOST]; ROWS],
     /// The first of them in the tile, and how many there are in a row.
-    at: (usize, usize),
-    cells: usize,
+    pub at: (usize, usize),
+    pub cells: usize,
 }
 
 impl Pixels {
@@ -399,7 +399,7 @@ fn parts() -> impl Iterator<Item = (usize, usize)> {
 type SweepFn<Out> = unsafe fn(&Padded, &mut Segments, (usize, usize), Missed, &mut Out);
 
 macro_rules! instantiate {
-    ($($name:ident, $of_groups:ident, $lanes:ty, $($feature:literal)?;)*) => {
+    ($($name:ident, $of_groups:ident, $hits:ident, $lanes:ty, $($feature:literal)?;)*) => {
         $(
             /// # Safety
             ///
@@ -430,17 +430,32 @@ macro_rules! instantiate {
                 // SAFETY: per the function's contract.
                 unsafe { sweep_tile_of_groups::<$lanes>(padded, segments, origin, missed, out) }
             }
+
+            /// # Safety
+            ///
+            /// As for [`visit_hits`].
+            $(#[target_feature(enable = $feature)])?
+            unsafe fn $hits(
+                padded: &Padded,
+                segments: &mut Segments,
+                origin: (usize, usize),
+                missed: Missed,
+                visit: impl FnMut(&Pixels, &Segments, &[Hit]),
+            ) {
+                // SAFETY: per the function's contract.
+                unsafe { visit_hits::<$lanes>(padded, segments, origin, missed, visit) }
+            }
         )*
     };
 }
 
 instantiate! {
-    portable, portable_groups, Portable, ;
+    portable, portable_groups, portable_hits, Portable, ;
 }
 #[cfg(target_arch = "x86_64")]
 instantiate! {
-    avx2, avx2_groups, super::lanes::Avx2, "avx2";
-    avx512, avx512_groups, super::lanes::Avx512, "avx512f,avx512bw";
+    avx2, avx2_groups, avx2_hits, super::lanes::Avx2, "avx2";
+    avx512, avx512_groups, avx512_hits, super::lanes::Avx512, "avx512f,avx512bw";
 }
 
 macro_rules! by_channels {
@@ -469,6 +484,32 @@ fn sweep_of_groups_for(simd: Simd) -> SweepFn<[TileColor]> {
         InstructionSet::Avx2 => avx2_groups,
         #[cfg(target_arch = "x86_64")]
         InstructionSet::Avx512 => avx512_groups,
+    }
+}
+
+/// Visits what a tile meets, as [`visit_hits`] does.
+///
+/// # Safety
+///
+/// As for [`sweep`].
+pub unsafe fn visit_tile(
+    simd: Simd,
+    padded: &Padded,
+    segments: &mut Segments,
+    origin: (usize, usize),
+    missed: Missed,
+    visit: impl FnMut(&Pixels, &Segments, &[Hit]),
+) {
+    // SAFETY: the instructions have been detected, otherwise this `Simd` would not exist; the rest is this function's
+    // contract.
+    unsafe {
+        match simd.instruction_set() {
+            InstructionSet::Portable => portable_hits(padded, segments, origin, missed, visit),
+            #[cfg(target_arch = "x86_64")]
+            InstructionSet::Avx2 => avx2_hits(padded, segments, origin, missed, visit),
+            #[cfg(target_arch = "x86_64")]
+            InstructionSet::Avx512 => avx512_hits(padded, segments, origin, missed, visit),
+        }
     }
 }
 

@@ -16,9 +16,8 @@ use super::window::{Sums, Target, Window};
 use crate::cancel::Cancel;
 use crate::cpu::lens::frame::Frame;
 use crate::cpu::lens::group::{Group, Input};
-use crate::cpu::lens::lanes::{self, Lanes, Portable};
-use crate::cpu::lens::segments::{MOST, ROWS, Segments};
-use crate::cpu::lens::sweep::visit_hits;
+use crate::cpu::lens::segments::{ROWS, Segments};
+use crate::cpu::lens::sweep::{Hit, Pixels, visit_tile};
 use crate::cpu::lens::tile_color::TileColor;
 use crate::error::Result;
 use crate::memory::Buffer;
@@ -27,12 +26,13 @@ use crate::picture::Size;
 use crate::plan::lens::Settings;
 use crate::plan::lens::footprint::{self, Footprint};
 use crate::plan::lens::lens_samples::LensSample;
+use crate::plan::lens::padding::Padding;
 use crate::plan::lens::tiles::{Work, Works};
 use crate::scene::colors::Colors;
 use crate::scene::depth_spans::{self, Cell};
 use crate::scene::grid::TILE;
 
-use crate::simd::{InstructionSet, Simd};
+use crate::simd::Simd;
 use rayon::prelude::*;
 
 /// Pixels of a tile.
@@ -151,18 +151,21 @@ fn of_band(frame: &Frame, size: Size, band: &Band, cotangent: &[f32]) -> Result<
         highlights::adjoint(frame, number, tile, &given, &mut lights);
         frame.trace(&mut segments, tile, *samples, occupied);
         views.clear(segments.samples());
-        let of_tile = match frame.simd.instruction_set() {
-            InstructionSet::Portable => portable,
-            #[cfg(target_arch = "x86_64")]
-            InstructionSet::Avx2 => avx2,
-            #[cfg(target_arch = "x86_64")]
-            InstructionSet::Avx512 => avx512,
-        };
-        // SAFETY: the instructions have been detected, otherwise the frame's `Simd` would not exist, and the segments have
-        // just been traced there.
+        // SAFETY: the segments have just been traced there.
         unsafe {
-            sweep::adjoint(frame, &mut segments, tile.origin, &given, &mut window);
-            of_tile(frame, &mut segments, tile.origin, &given, &mut views);
+            visit_tile(
+                frame.simd,
+                &frame.padded,
+                &mut segments,
+                tile.origin,
+                frame.missed,
+                #[inline(always)]
+                |pixels, segments, hits| {
+                    let met = (segments, hits);
+                    sweep::give(tile.origin, &given, pixels, met, &mut window);
+                    views.note(&frame.padded.padding, tile.origin, &given, pixels, met);
+                },
+            );
         }
         for (sample, number) in frame.samples(*samples).iter().zip(0..) {
             frame.simd.run(
@@ -190,6 +193,47 @@ impl Views {
     fn clear(&mut self, samples: usize) {
         self.cells.clear();
         self.cells.resize(samples * PIXELS, NONE);
+    }
+
+    /// Notes what the samples of some pixels of the tile at `origin` see, and the weights of these pixels.
+    #[inline(always)]
+    fn note(
+        &mut self,
+        padding: &Padding,
+        origin: (usize, usize),
+        cotangent: &TileColor,
+        pixels: &Pixels,
+        (segments, hits): (&Segments, &[Hit]),
+    ) {
+        let ((x, y), count) = (pixels.at, pixels.cells);
+        let base = padding.index(origin.0 + x, origin.1 + y);
+        for row in 0..ROWS {
+            let first = (y + row) * TILE.0 + x;
+            for lane in 0..count {
+                let met = pixels.met(row, lane);
+                let share = if met > 0.0 { 1.0 / met } else { 0.0 };
+                for (weights, given) in self.weights.iter_mut().zip(&cotangent.planes) {
+                    weights[first + lane] = share * given[first + lane];
+                }
+            }
+        }
+        let mut note = |number: u32, layer: u32, offset: i32, cells: [u32; ROWS]| {
+            let view = &mut self.cells[segments.sample_of(number) * PIXELS..][..PIXELS];
+            let start = base.wrapping_add_signed(offset as isize) as u32 | layer << PLACE_BITS;
+            for row in 0..ROWS {
+                let into = &mut view[(y + row) * TILE.0 + x..][..count];
+                let start = start + (row * padding.stride) as u32;
+                for (lane, into) in into.iter_mut().enumerate() {
+                    *into = if cells[row] >> lane & 1 != 0 { start + lane as u32 } else { *into };
+                }
+            }
+        };
+        for segment in &segments.met {
+            note(segment.number, segment.layer, segment.offset, [u32::MAX; ROWS]);
+        }
+        for hit in hits {
+            note(hit.number, hit.layer, hit.offset, hit.cells);
+        }
     }
 
     /// Adds how the sum changes with the shifts of what one sample sees.
@@ -346,92 +390,4 @@ impl Pairs<'_> {
         let down = (apart + stride / 2).div_euclid(stride);
         [apart - down * stride, down][axis] as f32
     }
-}
-
-/// Notes what the samples of a tile see, and the weights of its pixels.
-///
-/// # Safety
-///
-/// The instructions of `L` have been detected, and the segments were traced from the tile at `origin`.
-#[inline(always)]
-unsafe fn see<L: Lanes>(
-    frame: &Frame,
-    segments: &mut Segments,
-    origin: (usize, usize),
-    cotangent: &TileColor,
-    views: &mut Views,
-) {
-    let padding = &frame.padded.padding;
-    let stride = padding.stride;
-    // SAFETY: per the function's contract.
-    unsafe {
-        visit_hits::<L>(
-            &frame.padded,
-            segments,
-            origin,
-            frame.missed,
-            #[inline(always)]
-            |pixels, segments, hits, (x, y)| {
-                let base = padding.index(origin.0 + x, origin.1 + y);
-                for row in 0..ROWS {
-                    let first = (y + row) * TILE.0 + x;
-                    for lane in 0..L::CELLS {
-                        let met = pixels.met(row, lane);
-                        let share = if met > 0.0 { 1.0 / met } else { 0.0 };
-                        for (weights, given) in views.weights.iter_mut().zip(&cotangent.planes) {
-                            weights[first + lane] = share * given[first + lane];
-                        }
-                    }
-                }
-                let mut note = |number: u32, layer: u32, offset: i32, cells: [u32; ROWS]| {
-                    let view = &mut views.cells[segments.sample_of(number) * PIXELS..][..PIXELS];
-                    let start = base.wrapping_add_signed(offset as isize) as u32 | layer << PLACE_BITS;
-                    for row in 0..ROWS {
-                        let into = &mut view[(y + row) * TILE.0 + x..][..L::CELLS];
-                        let start = start + (row * stride) as u32;
-                        for (lane, into) in into.iter_mut().enumerate() {
-                            *into = if cells[row] >> lane & 1 != 0 { start + lane as u32 } else { *into };
-                        }
-                    }
-                };
-                for segment in &segments.met {
-                    note(segment.number, segment.layer, segment.offset, [u32::MAX; ROWS]);
-                }
-                for hit in hits {
-                    note(hit.number, hit.layer, hit.offset, hit.cells);
-                }
-            },
-        );
-    }
-    debug_assert!(L::CELLS <= MOST);
-}
-
-macro_rules! instantiate {
-    ($($name:ident, $lanes:ty, $($feature:literal)?;)*) => {
-        $(
-            /// # Safety
-            ///
-            /// As for [`see`].
-            $(#[target_feature(enable = $feature)])?
-            unsafe fn $name(
-                frame: &Frame,
-                segments: &mut Segments,
-                origin: (usize, usize),
-                cotangent: &TileColor,
-                views: &mut Views,
-            ) {
-                // SAFETY: per the function's contract.
-                unsafe { see::<$lanes>(frame, segments, origin, cotangent, views) }
-            }
-        )*
-    };
-}
-
-instantiate! {
-    portable, Portable, ;
-}
-#[cfg(target_arch = "x86_64")]
-instantiate! {
-    avx2, lanes::Avx2, "avx2";
-    avx512, lanes::Avx512, "avx512f,avx512bw";
 }

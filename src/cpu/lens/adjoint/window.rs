@@ -62,6 +62,11 @@ impl Window {
         self.first_row * self.padding.stride
     }
 
+    /// Number of layers that are swept.
+    pub fn layers(&self) -> usize {
+        self.planes.len() / self.channels - Target::Swept(0).number()
+    }
+
     /// Cells from one row to the next.
     pub fn stride(&self) -> usize {
         self.padding.stride
