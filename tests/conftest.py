@@ -22,6 +22,15 @@ def gpu():
     return name
 
 
+@pytest.fixture
+def restricted():
+    """Restrict devices until the end of the test."""
+    from dofsim._dofsim import restrict_devices
+
+    yield restrict_devices
+    restrict_devices()
+
+
 @pytest.fixture(scope="session")
 def browser():
     """Start the system's Chromium, driven by Playwright, which brings none of its own."""

@@ -8,15 +8,6 @@ import pytest
 from both_devices import CASES, CLIPPED, FLAWS, SCENES, assert_agree, metric_scene, random_color, render
 
 
-@pytest.fixture
-def restricted():
-    """Restrict devices until the end of the test."""
-    from dofsim._dofsim import restrict_devices
-
-    yield restrict_devices
-    restrict_devices()
-
-
 def tall(height=1000, width=40):
     """Make a scene of so many rows that it can be had in bands."""
     y, x = np.mgrid[:height, :width]

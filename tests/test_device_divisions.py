@@ -9,16 +9,13 @@ from both_devices import CASES, CLIPPED, FLAWS, SCENES, assert_agree, flatten, r
 
 
 @pytest.fixture(params=[np.nextafter(np.float32(1), 2), np.nextafter(np.float32(1), 0)], ids=["up", "down"])
-def perturbed(gpu, request):
+def perturbed(gpu, restricted, request):
     """Make every quotient too large, or too small, until the end of the test."""
-    from dofsim._dofsim import restrict_devices
-
     try:
-        restrict_devices(quotient=float(request.param))
+        restricted(quotient=float(request.param))
     except ValueError as error:
         pytest.skip(str(error))
-    yield gpu
-    restrict_devices()
+    return gpu
 
 
 @pytest.mark.parametrize("name", ["surfaces", "lamps", "tilted"])
@@ -37,10 +34,8 @@ def test_lenses_agree_all_the_same(perturbed, flaw):
 
 # The look-ups of "taps" divide only where depth is infinite.
 @pytest.mark.parametrize("method", [method for method in CASES if method != "taps"])
-def test_quotients_that_are_far_off_are_found_out(perturbed, method):
-    from dofsim._dofsim import restrict_devices
-
-    restrict_devices(quotient=1.01)
+def test_quotients_that_are_far_off_are_found_out(perturbed, restricted, method):
+    restricted(quotient=1.01)
     scene = SCENES["surfaces"]()
     with pytest.raises(AssertionError):
         assert_agree(render(*scene, perturbed, method=method), render(*scene, "cpu", method=method), method)

@@ -43,15 +43,20 @@ def start(code, device, **environment):
     )
 
 
-def output(code, device=None, **environment):
-    """Run code in another process, which may not take for ever, and return what it prints."""
+def said(code, device=None, **environment):
+    """Run code in another process, which may not take for ever, and return the text that it prints."""
     child = start(code, device, **environment)
     try:
         out, err = child.communicate(timeout=HANG_S)
     finally:
         stop(child)
     assert child.returncode == 0, err
-    return out.split()
+    return out
+
+
+def output(code, device=None, **environment):
+    """Return the words that it prints."""
+    return said(code, device, **environment).split()
 
 
 def stop(child):
@@ -168,7 +173,7 @@ def test_the_interpreter_may_end_during_a_render(gpu):
 
 @pytest.mark.skipif(os.name != "posix", reason="signals are sent the POSIX way")
 def test_interrupt_stops_the_wait_for_a_device(gpu):
-    child = start(
+    out = said(
         """
         one = scene(600, 800, device=device)
         one.render(lens, method="taps")
@@ -178,11 +183,6 @@ def test_interrupt_stops_the_wait_for_a_device(gpu):
         """,
         gpu,
     )
-    try:
-        out, err = child.communicate(timeout=HANG_S)
-    finally:
-        stop(child)
-    assert child.returncode == 0, err
     if out.strip() == "finished":
         pytest.skip("the device was done before it could be interrupted")
     assert_prompt(out, 1.0)

@@ -9,15 +9,6 @@ from both_devices import CASES, random_color
 
 
 @pytest.fixture
-def restricted():
-    """Restrict devices until the end of the test."""
-    from dofsim._dofsim import restrict_devices
-
-    yield restrict_devices
-    restrict_devices()
-
-
-@pytest.fixture
 def allocated(gpu):
     """Give what devices have allocated, if drivers can be asked."""
     from dofsim._dofsim import device_bytes

@@ -7,17 +7,14 @@ import dofsim
 import numpy as np
 import pytest
 from both_devices import CASES, CLIPPED, FLAWS, through
-from interrupts import HANG_S, assert_prompt
-from test_device_faults import start, stop
+from interrupts import assert_prompt
+from test_device_faults import said
 
 
 @pytest.fixture
-def paced():
+def paced(restricted):
     """Set the time that a submission should take until the end of the test."""
-    from dofsim._dofsim import restrict_devices
-
-    yield lambda seconds: restrict_devices(submission_s=seconds)
-    restrict_devices()
+    return lambda seconds: restricted(submission_s=seconds)
 
 
 @pytest.mark.parametrize("flaw", ["thin", "all", "full"])
@@ -54,7 +51,7 @@ def test_work_of_two_threads_is_not_mixed_up(gpu, paced):
 @pytest.mark.skipif(os.name != "posix", reason="signals are sent the POSIX way")
 def test_a_device_is_free_soon_after_an_interrupt(gpu):
     """What was recorded but not submitted is not computed: the next picture does not wait for it."""
-    child = start(
+    out = said(
         """
         one = scene(600, 800, device=device)
         small = scene(20, 20, device=device)
@@ -68,11 +65,6 @@ def test_a_device_is_free_soon_after_an_interrupt(gpu):
         """,
         gpu,
     )
-    try:
-        out, err = child.communicate(timeout=HANG_S)
-    finally:
-        stop(child)
-    assert child.returncode == 0, err
     interrupted, waited = out.strip().splitlines()
     if interrupted == "finished":
         pytest.skip("the device was done before it could be interrupted")
