@@ -28,7 +28,10 @@ pub fn explained(map: &Plane, sharp: &Plane, side: usize, width_px: f32, range: 
     // A square and the interpolation to its neighbours spread a point by half a side. The window has twice that deviation,
     // and ends at three of its own.
     let window_px = side as f32;
-    let margin = (3 * side + 2 * side + reach).next_multiple_of(side);
+    // What is found at neighbouring pixels of a thing differs by what the map does not tell: less than a square apart, it
+    // is one height.
+    let even_px = 0.5 * side as f32;
+    let margin = (3 * side + 2 * side + 2 * reach + (3.0 * even_px).ceil() as usize).next_multiple_of(side);
     let (low, high) = map.range();
     let tiles = Tile::each([map, sharp], margin, |Tile { planes: [map, sharp], .. }| {
         let (least, most) = sharp.range();
@@ -41,7 +44,14 @@ pub fn explained(map: &Plane, sharp: &Plane, side: usize, width_px: f32, range: 
             let lack = shared.with(&local.covariance(&probe), |shared, own| shared / (own + LEAST_VARIANCE));
             let lack = lack.with(&near, |lack, near| known * lack * near);
             // Nothing is nearer than all that is near.
-            sharp.with(&lack, |sharp, lack| if lack == 0.0 { sharp } else { (sharp + lack).clamp(low, high) })
+            let raised = sharp
+                .with(&lack, |sharp, lack| if lack == 0.0 { sharp } else { (sharp + lack).clamp(low, high) });
+            let near = nearer(&raised, reach, range);
+            let sums = raised.with(&near, |raised, near| raised * near).blurred(even_px);
+            let means = sums.with(&near.blurred(even_px), |sum, near| sum / near.max(1e-6));
+            let even = means.with(&near, |mean, near| known * near * mean);
+            let left = near.with(&raised, |near, raised| (1.0 - known * near) * raised);
+            even.with(&left, |even, left| even + left)
         })
     });
     let mut out = sharp.clone();

@@ -57,7 +57,9 @@ pub fn steps_and_lamps(
     let reach = (0.8 * width_px).ceil() as usize + 2;
     let margin = (2 * margin + reach).next_multiple_of(blocks);
     let spread = match blocks {
-        1 => blur_px([depth, &found.depth, light], reach, width_px).map(Spread::Gaussian),
+        1 => Spread::measured([depth, &found.depth, light], width_px, range, |light| {
+            coverage(light, reach).is_some()
+        }),
         _ => Some(Spread::Blocks(blocks)),
     };
     let Some(spread) = spread else { return Ok(found) };
@@ -68,7 +70,9 @@ pub fn steps_and_lamps(
             let lamps = coverage(&light, reach)?;
             let (low, high) = depth.range();
             let seen = high - low > LEAST_CONTRAST * range;
-            seen.then(|| with_lamps(&depth, &steps, &lamps, Blur { width_px, spread, reach }, range, ends))
+            seen.then(|| {
+                with_lamps(&depth, &steps, &lamps, Blur { width_px, spread: &spread, reach }, range, ends)
+            })
         });
     found.depth.write_tiles(margin, tiles.iter().map(Option::as_ref));
     cancel.check()?;
@@ -77,11 +81,11 @@ pub fn steps_and_lamps(
 
 /// The blur of a map.
 #[derive(Clone, Copy)]
-struct Blur {
+struct Blur<'a> {
     /// The width of its edges.
     width_px: f32,
     /// What it does to sharp depth.
-    spread: Spread,
+    spread: &'a Spread,
     /// Where it has ended.
     reach: usize,
 }
@@ -95,7 +99,7 @@ fn with_lamps(depth: &Plane, plain: &Plane, lamps: &Plane, blur: Blur, range: f3
     let window_px = WINDOW * reach as f32;
     // A wider blur than the map's: what counts is the sum of what is unexplained, wherever exactly the map has put it.
     let probe = match spread {
-        Spread::Gaussian(sigma) => solid.blurred(PROBE * sigma),
+        Spread::Filter(weights) => solid.blurred(PROBE * deviation_px(weights)),
         Spread::Blocks(_) => blurred_lamps.clone(),
     };
     let local = Local::new(&probe, window_px);
@@ -138,39 +142,9 @@ fn with_lamps(depth: &Plane, plain: &Plane, lamps: &Plane, blur: Blur, range: f3
     unreachable!("the rounds are counted")
 }
 
-/// The standard deviation of the blur by which sharp depth becomes the given one, if there are lamps: among several
-/// the one that explains most around lamps.
-fn blur_px(planes: [&Plane; 3], reach: usize, width_px: f32) -> Option<f32> {
-    // A Gaussian's edges are 2.5 deviations wide, and a box is 3.5 of its own.
-    let candidates = [0.29, 0.34, 0.39, 0.44].map(|share| share * width_px);
-    let margin = 2 * reach;
-    let sums = Tile::each(planes, margin, |Tile { planes: [depth, sharp, light], .. }| {
-        coverage(&light, reach)?;
-        Some(candidates.map(|sigma| {
-            let explained = sharp.blurred(sigma);
-            let rows = (margin..depth.height - margin).flat_map(|y| {
-                let inside = y * depth.width + margin..(y + 1) * depth.width - margin;
-                depth.values[inside.clone()].iter().zip(&explained.values[inside])
-            });
-            rows.map(|(a, b)| f64::from((a - b) * (a - b))).sum::<f64>()
-        }))
-    });
-    let mut unexplained = [0.0; 4];
-    let mut lamps = false;
-    for sums in sums.iter().flatten() {
-        lamps = true;
-        unexplained.iter_mut().zip(sums).for_each(|(total, sum)| *total += sum);
-    }
-    if !lamps {
-        return None;
-    }
-    // The vertex of the parabola through the least one and its neighbours.
-    let best =
-        (1..candidates.len() - 1).min_by(|a, b| unexplained[*a].total_cmp(&unexplained[*b])).unwrap_or(1);
-    let [before, least, after] = [unexplained[best - 1], unexplained[best], unexplained[best + 1]];
-    let curvature = before - 2.0 * least + after;
-    let offset = if curvature > 0.0 { (0.5 * (before - after) / curvature).clamp(-1.0, 1.0) } else { 0.0 };
-    Some(candidates[best] + offset as f32 * (candidates[1] - candidates[0]))
+/// The standard deviation of a symmetric filter.
+fn deviation_px(weights: &[f32]) -> f32 {
+    weights.iter().enumerate().map(|(i, weight)| 2.0 * weight * (i * i) as f32).sum::<f32>().sqrt()
 }
 
 /// The share of each pixel that lamps cover, if there are any: what stands out from the darkest surroundings that are

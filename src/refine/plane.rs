@@ -110,12 +110,14 @@ impl Plane {
         Plane { values, ..*self }
     }
 
-    /// The plane convolved with a Gaussian of standard deviation `sigma` pixels, cut off at three of them.
+    /// The plane convolved with a Gaussian of standard deviation `sigma` pixels.
     pub fn blurred(&self, sigma: f32) -> Plane {
-        let reach = (3.0 * sigma).ceil() as usize;
-        let weights: Vec<f32> = (0..=reach).map(|i| (-0.5 * (i as f32 / sigma).powi(2)).exp()).collect();
-        let total = weights[0] + 2.0 * weights[1..].iter().sum::<f32>();
-        let weights: Vec<f32> = weights.iter().map(|w| w / total).collect();
+        self.filtered(&gaussian(sigma))
+    }
+
+    /// The plane convolved along both axes with a symmetric filter: the weights of offsets 0, 1, 2 ...
+    pub fn filtered(&self, weights: &[f32]) -> Plane {
+        let reach = weights.len() - 1;
         let down = self.like(|y, out| {
             let y = y as isize;
             out.iter_mut().zip(self.row(y)).for_each(|(out, v)| *out = weights[0] * v);
@@ -316,6 +318,24 @@ impl<const N: usize> Tile<N> {
         };
         (0..across * height.div_ceil(TILE.1)).into_par_iter().map(tile).collect()
     }
+}
+
+/// The weights of a Gaussian of standard deviation `sigma` pixels, cut off at three of them.
+pub fn gaussian(sigma: f32) -> Vec<f32> {
+    let reach = (3.0 * sigma).ceil() as usize;
+    normalized((0..=reach).map(|i| (-0.5 * (i as f32 / sigma).powi(2)).exp()).collect())
+}
+
+/// The weights of a mean over `width` pixels. The outermost ones count as far as they are within it.
+pub fn mean(width: f32) -> Vec<f32> {
+    let reach = (0.5 * width + 0.5).ceil() as usize;
+    normalized((0..=reach).map(|i| (0.5 * width + 0.5 - i as f32).clamp(0.0, 1.0)).collect())
+}
+
+/// The weights of a symmetric filter, of which the sum over both sides is 1.
+fn normalized(weights: Vec<f32>) -> Vec<f32> {
+    let total = weights[0] + 2.0 * weights[1..].iter().sum::<f32>();
+    weights.iter().map(|w| w / total).collect()
 }
 
 /// 0 up to `from`, 1 from `to` on, and a smooth transition in between.
