@@ -11,6 +11,10 @@ use rayon::prelude::*;
 /// A cell is a highlight by what it has above this many times its surroundings. At this limit, one lens sample of 512
 /// that appears or disappears changes a pixel of the disc by one hundredth of the surroundings.
 pub const HIGHLIGHT_RATIO: f32 = 5.0;
+/// Where so large a part of all cells is highlights, they are texture rather than lamps, and a cell has to outshine its
+/// surroundings twice as much; where there are more, as much more as the square of their part. Of many bright cells each
+/// is less of the light that is there, and only as many discs are drawn as a picture has room for.
+const MANY: f32 = 1.0 / 64.0;
 /// Number of blocks on each side whose mean is taken for the surroundings.
 const AROUND: usize = 2;
 
@@ -93,15 +97,33 @@ impl BlockLight {
         all
     }
 
-    /// The mean colour of the blocks around a block, including the block itself.
+    /// The blocks around a block, including the block itself.
+    fn blocks_around(&self, b: usize) -> impl Iterator<Item = usize> + use<> {
+        let (bx, by, across) = (b % self.across, b / self.across, self.across);
+        let columns = bx.saturating_sub(AROUND)..(bx + AROUND + 1).min(across);
+        let rows = by.saturating_sub(AROUND)..(by + AROUND + 1).min(self.down);
+        rows.flat_map(move |y| columns.clone().map(move |x| y * across + x))
+    }
+
+    /// The mean colour of the blocks around a block.
     fn around(&self, b: usize) -> [f32; 4] {
-        let (bx, by) = (b % self.across, b / self.across);
-        let columns = bx.saturating_sub(AROUND)..(bx + AROUND + 1).min(self.across);
         let mut light = Light::default();
-        for y in by.saturating_sub(AROUND)..(by + AROUND + 1).min(self.down) {
-            columns.clone().for_each(|x| light.add(&self.light[y * self.across + x]));
-        }
+        self.blocks_around(b).for_each(|b| light.add(&self.light[b]));
         light.mean()
+    }
+
+    /// For each block, how much more than elsewhere a cell has to outshine its surroundings because there are many that do:
+    /// those at the given indices, as far as each does.
+    fn crowding(&self, bright: impl Iterator<Item = (usize, f32)>) -> Vec<f32> {
+        let mut count = vec![0.0f32; self.light.len()];
+        bright.for_each(|(index, share)| count[self.block_of(index)] += share);
+        let crowding = |b: usize| {
+            let (count, cells) = self
+                .blocks_around(b)
+                .fold((0.0, 0.0), |(count_of, cells), b| (count_of + count[b], cells + self.light[b].cells));
+            1.0 + (count / (MANY * cells)).powi(2)
+        };
+        (0..self.light.len()).map(crowding).collect()
     }
 
     /// The limits that follow from the light of the blocks.
@@ -178,8 +200,9 @@ pub fn find(size: Size, layers: &[SceneLayer], front: usize, simd: Simd) -> Vec<
             Some(own) => std::array::from_fn(|c| greater(own.limit[b][c], front.limit[b][c])),
             None => front.limit[b],
         };
-        let excess = |index: usize| above(&layer.colors.at(index), &limit(front.block_of(index)), lights);
-        let stands_out = |&index: &usize| excess(index) != [0.0; 4];
+        let stands_out = |&index: &usize| {
+            above(&layer.colors.at(index), &limit(front.block_of(index)), lights) != [0.0; 4]
+        };
         let found: Vec<usize> = if layer.colors.is_list() {
             let cells = layer.colors.listed(0..size.pixels()).par_iter().map(|cell| cell.index);
             cells.filter(stands_out).collect()
@@ -189,12 +212,25 @@ pub fn find(size: Size, layers: &[SceneLayer], front: usize, simd: Simd) -> Vec<
             let blocks = blocks.filter(|&b| above(&brightest[b], &limit(b), lights) != [0.0; 4]);
             blocks.flat_map_iter(|b| front.cells(b)).filter(stands_out).collect()
         };
-        let bright = |index: usize| {
-            let (color, excess) = (layer.colors.at(index), excess(index));
+        // How far each is above the limit: from nothing at it to all from twice as much on.
+        let share = |index: usize| {
+            let (color, limit) = (layer.colors.at(index), limit(front.block_of(index)));
+            let above = |c: usize| (color[c] - limit[c]) / limit[c].max(f32::MIN_POSITIVE);
+            (index, (0..lights).map(above).fold(0.0, f32::max).min(1.0))
+        };
+        let crowding = front.crowding(found.iter().map(|&index| share(index)));
+        let excess = |index: usize| {
+            let b = front.block_of(index);
+            above(&layer.colors.at(index), &limit(b).map(|limit| crowding[b] * limit), lights)
+        };
+        let found = found.into_iter().map(|index| (index, excess(index)));
+        let found = found.filter(|(_, excess)| *excess != [0.0; 4]);
+        let bright = |(index, excess): (usize, [f32; 4])| {
+            let color = layer.colors.at(index);
             let area = layer.half_plane_at(index).map_or(1.0, |plane| plane.coverage());
             Bright { index, dim: std::array::from_fn(|c| color[c] - excess[c]), excess, area }
         };
-        found.into_iter().map(bright).collect()
+        found.map(bright).collect()
     };
     layers.iter().enumerate().map(of_layer).collect()
 }
