@@ -234,3 +234,64 @@ pub fn find(size: Size, layers: &[SceneLayer], front: usize, simd: Simd) -> Vec<
     };
     layers.iter().enumerate().map(of_layer).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::layer::Role;
+    use super::*;
+    use crate::memory::Buffer;
+    use std::sync::Arc;
+
+    const SIZE: Size = Size { width: 160, height: 96, channels: 3 };
+
+    fn layer(colors: Colors) -> SceneLayer {
+        SceneLayer {
+            role: Role::Surface,
+            s: Arc::new(std::iter::repeat_n(0.0, SIZE.pixels()).collect()),
+            colors,
+            carried: Vec::new(),
+            partial: Arc::default(),
+            connectivity: Arc::default(),
+        }
+    }
+
+    /// A dark object, 120 pixels wide, before a grey wall, and cells that it hides.
+    fn found(hidden: impl Fn(usize, usize) -> Option<f32>) -> Vec<Bright> {
+        let gray = |i: usize| if i % SIZE.width < 120 { 0.01 } else { 0.3 };
+        let planes: Buffer<f32> = (0..3 * SIZE.pixels()).map(|i| gray(i % SIZE.pixels())).collect();
+        let cell = |index: usize| {
+            let color = hidden(index % SIZE.width, index / SIZE.width)?;
+            Some(CellColor { index, color: [color, color, color, 0.0] })
+        };
+        let cells: Vec<CellColor> = (0..SIZE.pixels()).filter_map(cell).collect();
+        let layers = [layer(Colors::new(SIZE, Arc::new(planes))), layer(Colors::of_cells(SIZE, cells))];
+        let [front, hidden] = find(SIZE, &layers, 0, Simd::PORTABLE).try_into().unwrap_or_else(|_| panic!());
+        assert!(front.is_empty());
+        hidden
+    }
+
+    #[test]
+    fn a_wall_that_a_dark_object_hides_is_no_lamp() {
+        let band = |x: usize| (80..120).contains(&x).then_some(0.3);
+        assert!(found(|x, _| band(x)).is_empty());
+        // A lamp among it is one, and keeps nearly all of its light.
+        let lamps =
+            found(|x, y| if (100..103).contains(&x) && (40..43).contains(&y) { Some(2e3) } else { band(x) });
+        assert_eq!(lamps.len(), 9);
+        assert!(lamps.iter().all(|lamp| lamp.excess[0] > 0.95 * 2e3));
+    }
+
+    #[test]
+    fn the_light_of_lamps_changes_smoothly_with_their_number() {
+        let light = |n: usize| {
+            let all = found(|x, y| {
+                (x < 100 && y < 80 && x % 4 == 0 && y % 4 == 0 && x / 4 + y / 4 * 25 < n).then_some(1.0)
+            });
+            all.iter().map(|lamp| f64::from(lamp.excess[0])).sum::<f64>()
+        };
+        // Few stand out whole, and many not at all; one more of them takes little of the others' light.
+        let lights: Vec<f64> = (0..500).step_by(4).map(light).collect();
+        assert!((lights[1] / 4.0 - 0.95).abs() < 0.01, "{}", lights[1]);
+        assert!(lights.windows(2).all(|pair| (pair[1] - pair[0]).abs() < 6.0), "{lights:?}");
+    }
+}
