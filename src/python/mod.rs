@@ -58,6 +58,8 @@ pub mod _dofsim {
     #[pymodule_export]
     use super::lens::focus::focusable_pixels;
     #[pymodule_export]
+    use super::lens::map::PyLensMap;
+    #[pymodule_export]
     use super::methods::methods_available;
     #[pymodule_export]
     use super::photograph::{layers_from_matte, restore_highlights};
