@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from dofsim._dofsim import Lens, LensMap
 
+from ._extras import missing
 from ._lens_map import lens_points
-from ._optional import missing
 
 # Steps of Newton's method for the ray through a point of the stop, and the part of the pupil by which rays differ
 # of which it takes the slope.
@@ -32,7 +32,7 @@ class Traced:
         try:
             from optiland.rays import RealRays
         except ModuleNotFoundError as error:
-            raise missing("Lens.from_optiland", "prescription", error) from error
+            raise ImportError(missing("lenses from prescriptions need", "optiland", "prescription")) from error
         self._rays = RealRays
         self._surfaces = optic.surfaces
         self._wavelength = float(optic.primary_wavelength)
@@ -76,13 +76,16 @@ class Traced:
             self._surfaces.trace(rays, skip=1)
         return rays
 
-    def aimed(self, tangent: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Give the points of the entrance pupil, for a field in focus, whose rays pass these points of the stop."""
+    def aimed(
+        self, tangent: NDArray[np.float64], points: NDArray[np.float64], distance: float | None = None
+    ) -> NDArray[np.float64]:
+        """Give the points of the entrance pupil whose rays pass these points of the stop; those in focus by default."""
+        distance = self.focus if distance is None else distance
         tangent = np.broadcast_to(tangent, points.shape[:-1])
         pupil = points.copy()
 
         def off(pupil: NDArray[np.float64]) -> NDArray[np.float64]:
-            self._trace(tangent, pupil, self.focus)
+            self._trace(tangent, pupil, distance)
             passed = [np.asarray(v)[self._stop].reshape(pupil.shape[:-1]) for v in (self._surfaces.x, self._surfaces.y)]
             return np.stack(passed, axis=-1) / self._stop_radius - points
 

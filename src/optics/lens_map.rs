@@ -178,6 +178,13 @@ impl LensMap {
         if f > 0.0 { self.deviations[i].max(self.deviations[i + 1]) } else { self.deviations[i] }
     }
 
+    /// The same for all heights from one to another.
+    pub fn deviation_between(&self, least: f64, most: f64) -> Deviation {
+        let (first, (last, beyond)) = (interval(&self.heights, least).0, interval(&self.heights, most));
+        let last = if beyond > 0.0 { last + 1 } else { last };
+        self.deviations[first..=last].iter().fold(Deviation::default(), |all, own| all.max(*own))
+    }
+
     fn deviation_of(&self, i: usize) -> Deviation {
         let cell = 2.0 / (self.across - 1) as f64;
         let mut all = Deviation::default();

@@ -82,6 +82,17 @@ impl Transverse {
         Field { lens: self, height: distance / self.half_diagonal_px, away }
     }
 
+    /// How far the lens differs at most from a thin one in the rectangle between two corners.
+    pub fn deviation_between(&self, first: [f64; 2], last: [f64; 2]) -> Deviation {
+        let corners = [first, [last[0], first[1]], [first[0], last[1]], last].map(|at| self.at(at));
+        // All but a map grows with the distance from the axis, along each direction.
+        let all = corners.iter().fold(Deviation::default(), |all, corner| all.max(corner.deviation()));
+        let Some(map) = &self.map else { return all };
+        let nearest = [0, 1].map(|i| self.centre[i].clamp(first[i], last[i]));
+        let most = corners.iter().map(|corner| corner.height).fold(0.0, f64::max);
+        all.max(map.deviation_between(self.at(nearest).height, most))
+    }
+
     /// How many times as large as that of a thin lens the largest disc is; at least 1.
     pub fn widest(&self) -> f64 {
         self.map.as_ref().map_or(1.0, |map| map.widest())
@@ -158,11 +169,6 @@ impl Field<'_> {
         Deviation { lost: own.lost.max(doors), ..own }
     }
 
-    /// The largest offset of what is in focus, in pixels.
-    pub fn farthest_px(&self) -> f64 {
-        self.deviation().focused * self.lens.half_diagonal_px
-    }
-
     /// The radius in pixels of a disc with the variance of the light of a point in focus.
     pub fn radius_in_focus_px(&self) -> f64 {
         const RINGS: usize = 4;
@@ -224,8 +230,8 @@ mod tests {
             }
         }
         let farthest = rim(360).map(|l| field.course(l).unwrap().start_px.map(|v| v * v).iter().sum::<f64>());
-        assert!((farthest.fold(0.0, f64::max).sqrt() - field.farthest_px()).abs() < 1e-9);
-        assert!((field.farthest_px() - 15.0).abs() < 1e-9);
+        assert!((farthest.fold(0.0, f64::max).sqrt() - 15.0).abs() < 1e-9);
+        assert!((field.deviation().focused - 0.015).abs() < 1e-12);
     }
 
     #[test]

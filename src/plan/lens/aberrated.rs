@@ -1,15 +1,15 @@
 //! A lens with transverse aberrations: the rays of a tile, and how far they go.
 //!
-//! A tile shares its lens samples, but the aberrations change from pixel to pixel. They are evaluated at the four
-//! corners of the tile. For each sample, a pixel follows the ray of one of them, chosen by comparing two numbers of the
+//! A tile shares its lens samples, but the aberrations change from pixel to pixel. They are evaluated at the corners of
+//! blocks. For each sample, a pixel follows the ray of one corner of its block, chosen by comparing two numbers of the
 //! sample with the pixel's place between the corners: so that over many samples, it follows each as often as it counts
-//! in a bilinear interpolation. Tiles share their corners, so there is no seam between them.
+//! in a bilinear interpolation. Blocks share their corners, so there is no seam between them nor between tiles.
 
 use super::lens_samples::LensSample;
 use super::optical_vignetting::Seen;
 use crate::aperture::{Aperture, Side};
-use crate::optics::{Course, Field, Transverse};
-use crate::scene::grid::TILE;
+use crate::optics::{Course, Deviation, Field, Transverse};
+use crate::scene::grid::{BLOCK, TILE};
 
 /// Up to this distance in pixels between where rays land and where those of a thin lens do, a tile is as through a thin
 /// lens: an edge that moves so far changes the pixels on it by a twentieth of its contrast.
@@ -75,9 +75,22 @@ impl Aberrated {
     /// The lens at a pixel.
     pub fn at(&self, place: [f64; 2]) -> Place<'_> {
         let field = self.transverse.at(place);
-        let steepness = self.steepness();
-        let farthest_px = field.farthest_px() * (1.0 + steepness / (1.0 - steepness));
+        let farthest_px = self.bounds_of(&field.deviation()).offset_px;
         Place { field, lens: self, farthest_px }
+    }
+
+    /// The bounds of a lens that differs so far from a thin one, but for its spread.
+    fn bounds_of(&self, deviation: &Deviation) -> Bounds {
+        let (widest, steepness) = (self.transverse.widest(), self.steepness());
+        // See `Place::adapted` for what a focus plane that leans adds.
+        let leant = 1.0 + steepness / (1.0 - steepness);
+        Bounds {
+            offset_px: deviation.focused * self.transverse.half_diagonal_px * leant,
+            // |B / w - l| <= |B - l| / w + |l| (1 - 1 / w)
+            lens: deviation.lens / widest + 1.0 - 1.0 / widest,
+            lost: deviation.lost,
+            spread_px: 0.0,
+        }
     }
 
     /// The opening.
@@ -94,15 +107,7 @@ impl Aberrated {
 impl Place<'_> {
     /// How far rays go.
     pub fn bounds(&self) -> Bounds {
-        let deviation = self.field.deviation();
-        let widest = self.lens.transverse.widest();
-        Bounds {
-            offset_px: self.farthest_px,
-            // |B / w - l| <= |B - l| / w + |l| (1 - 1 / w)
-            lens: deviation.lens / widest + 1.0 - 1.0 / widest,
-            lost: deviation.lost,
-            spread_px: self.field.radius_in_focus_px(),
-        }
+        Bounds { spread_px: self.field.radius_in_focus_px(), ..self.lens.bounds_of(&self.field.deviation()) }
     }
 
     /// The offset of a ray from its pixel in focus, and its lens points in front of the focus and behind it, within the
@@ -146,31 +151,42 @@ impl Place<'_> {
     }
 }
 
-/// The corners of all tiles of a frame.
-pub struct Corners {
-    /// Corners in a row.
+/// How far the rays of each tile of a frame go.
+pub struct Reaches {
+    /// Corners of tiles in a row.
     across: usize,
-    bounds: Vec<Bounds>,
+    /// [`Bounds::spread_px`] at each corner.
+    spread_px: Vec<f64>,
+    /// The bounds of each tile, one fewer in a row.
+    tiles: Vec<Bounds>,
 }
 
-impl Corners {
-    pub fn new(lens: &Aberrated, (width, height): (usize, usize)) -> Corners {
-        let (across, down) = (width.div_ceil(TILE.0) + 1, height.div_ceil(TILE.1) + 1);
+impl Reaches {
+    pub fn new(lens: &Aberrated, (width, height): (usize, usize)) -> Reaches {
+        let (columns, rows) = (width.div_ceil(TILE.0), height.div_ceil(TILE.1));
+        let across = columns + 1;
         let corner = |i: usize| [(i % across * TILE.0) as f64, (i / across * TILE.1) as f64];
-        let bounds = (0..across * down).map(|i| lens.at(corner(i)).bounds()).collect();
-        Corners { across, bounds }
+        let spread = |i: usize| lens.transverse.at(corner(i)).radius_in_focus_px();
+        let spread_px: Vec<f64> = (0..across * (rows + 1)).map(spread).collect();
+        let tile = |i: usize| {
+            let first = i / columns * across + i % columns;
+            let corners = [first, first + 1, first + across, first + across + 1];
+            let deviation = lens.transverse.deviation_between(corner(first), corner(first + across + 1));
+            let spread_px = corners.into_iter().map(|i| spread_px[i]).fold(0.0, f64::max);
+            Bounds { spread_px, ..lens.bounds_of(&deviation) }
+        };
+        let tiles = (0..columns * rows).map(tile).collect();
+        Reaches { across, spread_px, tiles }
     }
 
     /// The bounds of the whole frame.
     pub fn all(&self) -> Bounds {
-        self.bounds.iter().fold(Bounds::default(), |all, own| all.max(*own))
+        self.tiles.iter().fold(Bounds::default(), |all, own| all.max(*own))
     }
 
     /// The bounds of the tile at `origin`.
     pub fn of_tile(&self, origin: (usize, usize)) -> Bounds {
-        let first = origin.1 / TILE.1 * self.across + origin.0 / TILE.0;
-        let corners = [first, first + 1, first + self.across, first + self.across + 1];
-        corners.into_iter().fold(Bounds::default(), |all, i| all.max(self.bounds[i]))
+        self.tiles[origin.1 / TILE.1 * (self.across - 1) + origin.0 / TILE.0]
     }
 
     /// [`Bounds::spread_px`] of pixels `x ..` of row `y`, between those of the corners.
@@ -178,7 +194,7 @@ impl Corners {
         let (ty, fy) = (y / TILE.1, (y % TILE.1) as f64 / TILE.1 as f64);
         let between = |a: f64, b: f64, f: f64| a + f * (b - a);
         let column = |tx: usize| {
-            let at = |ty: usize| self.bounds[ty * self.across + tx].spread_px;
+            let at = |ty: usize| self.spread_px[ty * self.across + tx];
             between(at(ty), at(ty + 1), fy)
         };
         for (i, out) in out.iter_mut().enumerate() {
@@ -189,33 +205,67 @@ impl Corners {
     }
 }
 
+/// Corners of blocks along each axis of a tile.
+const CORNERS: [usize; 2] = [TILE.0 / BLOCK + 1, TILE.1 / BLOCK + 1];
+
+/// Which columns or rows of a tile, as bits, choose each of its corners, for a number from 0 to 1.
+fn choosing<const N: usize>(pick: f64) -> [u64; N] {
+    // From this one on in each block, pixels are nearer to its farther corner than the number.
+    let nearer = (pick * BLOCK as f64) as u32 + 1;
+    let (all, below) = ((1u64 << BLOCK) - 1, (1u64 << nearer) - 1);
+    std::array::from_fn(|i| {
+        let own = if i + 1 < N { (all & below) << (i * BLOCK) } else { 0 };
+        let before = if i > 0 { (all & !below) << ((i - 1) * BLOCK) } else { 0 };
+        own | before
+    })
+}
+
 /// The rays of the tile at `origin`, and which of its pixels follow each: every pixel follows one for each sample, but
 /// for those that do not arrive.
 pub fn rays(lens: &Aberrated, origin: (usize, usize), samples: &[LensSample]) -> Vec<(LensSample, Seen)> {
-    let mut rays = Vec::with_capacity(2 * samples.len());
-    let corner = |i: usize| {
-        let [right, below] = [i & 1, i >> 1];
-        lens.at([(origin.0 + right * TILE.0) as f64, (origin.1 + below * TILE.1) as f64])
+    let corner = |column: usize, row: usize| {
+        lens.at([(origin.0 + column * BLOCK) as f64, (origin.1 + row * BLOCK) as f64])
     };
-    let corners: [Place; 4] = std::array::from_fn(corner);
+    let corners: [[Place; CORNERS[0]]; CORNERS[1]] =
+        std::array::from_fn(|row| std::array::from_fn(|column| corner(column, row)));
+    let mut rays = Vec::with_capacity(CORNERS[0] * CORNERS[1] * samples.len());
     for sample in samples {
-        // From this column and this row on, pixels are nearer to the farther corners than the sample's numbers.
-        let [column, row] = [0, 1].map(|i| {
-            let side = if i == 0 { TILE.0 } else { TILE.1 };
-            (sample.pick[i] * side as f64) as usize + 1
-        });
-        let columns = u64::MAX.checked_shl(column as u32).unwrap_or(0);
-        for (i, place) in corners.iter().enumerate() {
-            let [right, below] = [i & 1 != 0, i >> 1 != 0];
-            let columns = if right { columns } else { !columns };
-            let rows = if below { row..TILE.1 } else { 0..row };
-            if columns == 0 || rows.is_empty() {
-                continue;
-            }
-            if let Some(ray) = place.ray(sample) {
-                rays.push((ray, std::array::from_fn(|y| if rows.contains(&y) { columns } else { 0 })));
+        let columns: [u64; CORNERS[0]] = choosing(sample.pick[0]);
+        let rows: [u64; CORNERS[1]] = choosing(sample.pick[1]);
+        for (places, rows) in corners.iter().zip(rows) {
+            for (place, columns) in
+                places.iter().zip(columns).filter(|(_, columns)| rows != 0 && *columns != 0)
+            {
+                if let Some(ray) = place.ray(sample) {
+                    let seen = std::array::from_fn(|y| if rows >> y & 1 != 0 { columns } else { 0 });
+                    rays.push((ray, seen));
+                }
             }
         }
     }
     rays
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_pixel_chooses_one_corner_of_its_block_as_often_as_it_is_near() {
+        let n = 1600;
+        let mut chosen = [[0; CORNERS[0]]; TILE.0];
+        for i in 0..n {
+            let columns: [u64; CORNERS[0]] = choosing((f64::from(i) + 0.5) / f64::from(n));
+            assert_eq!(columns.iter().fold(0, |all, own| all ^ own), u64::MAX);
+            for (x, chosen) in chosen.iter_mut().enumerate() {
+                (0..CORNERS[0]).filter(|c| columns[*c] >> x & 1 != 0).for_each(|c| chosen[c] += 1);
+            }
+        }
+        for (x, chosen) in chosen.iter().enumerate() {
+            let farther = (x % BLOCK) as f64 / BLOCK as f64;
+            let share = |corner: usize| f64::from(chosen[corner]) / f64::from(n);
+            assert!((share(x / BLOCK + 1) - farther).abs() < 1e-9, "column {x}");
+            assert!((share(x / BLOCK) + farther - 1.0).abs() < 1e-9, "column {x}");
+        }
+    }
 }

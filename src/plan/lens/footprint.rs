@@ -4,7 +4,7 @@
 //! samples are so sparse that the positions at which a cell is drawn come apart, cells are widened along their own
 //! surface instead, so that texture finer than the spacing of the samples does not turn into noise.
 
-use super::aberrated::Corners;
+use super::aberrated::Reaches;
 
 /// Standard deviation of a cell's footprint, as a fraction of the distance between the positions at which `samples` lens
 /// samples draw it.
@@ -92,7 +92,7 @@ pub fn guided<const L: usize>(kappa: f32, own: [f32; L], other: [f32; L]) -> f32
 pub struct Footprint {
     table: Vec<f32>,
     /// Set if the lens spreads what is in focus as well.
-    spread: Option<Corners>,
+    spread: Option<Reaches>,
 }
 
 impl Footprint {
@@ -102,7 +102,7 @@ impl Footprint {
         max_shift_px: f64,
         samples: impl Fn(f64) -> usize,
         spacing: impl Fn(f64, usize) -> f64,
-        spread: Option<Corners>,
+        spread: Option<Reaches>,
     ) -> Footprint {
         let entries = (max_shift_px as f32 * STEPS_PER_PX) as usize + 2;
         let until_even = (EVEN_PX as f32 * STEPS_PER_PX) as usize + 1;

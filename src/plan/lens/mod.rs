@@ -19,7 +19,7 @@ use crate::error::Result;
 use crate::optics::{Imaging, Optics, SecondStop, Transverse};
 use crate::scene::depth_bounds::DepthBounds;
 use crate::scene::layered::LayeredScene;
-use aberrated::{Aberrated, Bounds, Corners};
+use aberrated::{Aberrated, Bounds, Reaches};
 use footprint::Footprint;
 use in_focus::InFocus;
 use lens_samples::LensSample;
@@ -122,8 +122,8 @@ impl Plan {
         let area = settings.aperture.relative_area();
         let reach_px = reach_px(scene, s_focus);
         let aberrated = settings.aberrated.clone();
-        let corners = aberrated.as_ref().map(|own| Corners::new(own, (scene.size.width, scene.size.height)));
-        let all = corners.as_ref().map_or(Bounds::default(), Corners::all);
+        let reaches = aberrated.as_ref().map(|own| Reaches::new(own, (scene.size.width, scene.size.height)));
+        let all = reaches.as_ref().map_or(Bounds::default(), Reaches::all);
         let padding = Padding::new(scene.size.width, scene.size.height, reach_px + all.offset_px);
         let bounds = padded_bounds::padded(&scene.bounds, &padding);
         let inputs = tiles::Inputs {
@@ -132,14 +132,14 @@ impl Plan {
             bounds: &bounds,
             s_focus,
             second_stop: settings.second_stop.as_ref(),
-            corners: corners.as_ref(),
+            reaches: reaches.as_ref(),
             works,
         };
         let tiles = tiles::plan(&inputs, count_samples);
         let sample_sets = sample_sets(&tiles, &settings.aperture);
         let largest_px = reach_px.hypot(all.spread_px);
         let spacing = |t, n| lens_samples::spacing_px(t, area, n);
-        let footprint = Footprint::new(largest_px, count_samples, spacing, corners);
+        let footprint = Footprint::new(largest_px, count_samples, spacing, reaches);
         let in_focus = InFocus::new(&settings.aperture, s_focus);
         let missed = if scene.opaque { Missed::Unknown } else { Missed::Nothing };
         Plan {

@@ -1,6 +1,6 @@
 //! The work that each tile of the frame needs: next to none in focus, an exact disc, or the full sweep over the lens.
 
-use super::aberrated::{Bounds, Corners};
+use super::aberrated::{Bounds, Reaches};
 use super::in_focus::IN_FOCUS_PX;
 use super::padding::Padding;
 use crate::optics::SecondStop;
@@ -102,7 +102,7 @@ pub struct Inputs<'a> {
     /// tile.
     pub second_stop: Option<&'a SecondStop>,
     /// Set if the lens has aberrations that change where rays land.
-    pub corners: Option<&'a Corners>,
+    pub reaches: Option<&'a Reaches>,
     pub works: Works,
 }
 
@@ -122,7 +122,7 @@ fn blocks_around(
 
 /// Plans every tile. `count_samples` gives the number of samples for the radius of the largest disc.
 pub fn plan(inputs: &Inputs, count_samples: impl Fn(f64) -> usize + Sync) -> Vec<Tile> {
-    let Inputs { padding, codes, bounds, s_focus, second_stop, corners, works } = *inputs;
+    let Inputs { padding, codes, bounds, s_focus, second_stop, reaches, works } = *inputs;
     let shift = |code: u16| codes.decode(f64::from(code)) - s_focus;
     let block_reach: Vec<f64> = bounds
         .range
@@ -138,7 +138,7 @@ pub fn plan(inputs: &Inputs, count_samples: impl Fn(f64) -> usize + Sync) -> Vec
         let (x1, y1) = (x0 + TILE.0, y0 + TILE.1);
         let mut occupied = [0u64; 4];
         let (mut reach, mut steepest) = (0.0f64, Some(0u16));
-        let aberrations = corners.map_or(Bounds::default(), |corners| corners.of_tile(origin));
+        let aberrations = reaches.map_or(Bounds::default(), |reaches| reaches.of_tile(origin));
         let offset = aberrations.offset_px;
         for (bx, by) in blocks_around(padding, origin, (largest + offset) as usize + 2) {
             let b = by * bounds.across + bx;

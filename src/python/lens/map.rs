@@ -1,9 +1,11 @@
 //! `dofsim.LensMap`.
 
+use super::super::argument;
+use super::super::errors::shown;
+use super::super::samples::array;
 use super::hash_text;
 use crate::error::value_error;
 use crate::optics::LensMap;
-use crate::python::samples::array;
 use numpy::{PyArray1, PyArray4, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray4, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -65,7 +67,7 @@ fn floats<'py, T: FromPyObjectOwned<'py>>(name: &str, shape: &str, given: &Bound
     words.set_item("dtype", "float64")?;
     let refused = |got: String| value_error!("{name} must be numbers of shape {shape}; got {got}");
     let read = numpy.call_method("ascontiguousarray", (given,), Some(&words));
-    let read = read.map_err(|_| refused(super::super::errors::shown(given)))?;
+    let read = read.map_err(|_| refused(shown(given)))?;
     let own = array(name, &read)?.shape().to_vec();
     read.extract().map_err(|_| refused(format!("{own:?}")).into())
 }
@@ -177,52 +179,11 @@ impl PyLensMap {
         behind: &Bound<'py, PyAny>,
         in_front: Option<&Bound<'py, PyAny>>,
         focused: Option<&Bound<'py, PyAny>>,
-        focused_size: Option<f64>,
-        points: usize,
+        #[pyo3(from_py_with = argument::focused_size)] focused_size: Option<f64>,
+        #[pyo3(from_py_with = argument::points)] points: usize,
     ) -> PyResult<Bound<'py, PyAny>> {
         let module = field.py().import("dofsim._lens_map")?;
         module.call_method1("from_pictures", (field, behind, in_front, focused, focused_size, points))
-    }
-
-    /// A lens traced with Optiland, from its prescription.
-    ///
-    /// Parameters
-    /// ----------
-    /// optic : optiland.optic.Optic
-    ///     The lens, with an aperture and a wavelength. It is not changed.
-    /// focus_distance : float
-    ///     Distance in metres that is in focus, from the entrance pupil; may be infinite.
-    /// half_diagonal_mm : float
-    ///     Half the diagonal of the sensor in millimetres.
-    /// field : array_like, optional
-    ///     Distances from the axis in half diagonals; 0 to 1 in steps of an eighth by default.
-    /// points : int, optional
-    ///     Number of lens points along each axis.
-    ///
-    /// Returns
-    /// -------
-    /// LensMap
-    ///     The map at the optic's primary wavelength. Rays that its apertures stop do not arrive. The lens is focused by
-    ///     the best focus on the axis: the sensor is where the spot there is smallest. Distortion is left out, as the
-    ///     picture is a pinhole's.
-    ///
-    /// Raises
-    /// ------
-    /// ModuleNotFoundError
-    ///     If Optiland is not installed: ``pip install 'dofsim[prescription]'``.
-    /// ValueError
-    ///     If no ray arrives at a place of the field.
-    #[staticmethod]
-    #[pyo3(signature = (optic, *, focus_distance, half_diagonal_mm, field=None, points=65))]
-    fn from_optiland<'py>(
-        optic: &Bound<'py, PyAny>,
-        focus_distance: f64,
-        half_diagonal_mm: f64,
-        field: Option<&Bound<'py, PyAny>>,
-        points: usize,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let module = optic.py().import("dofsim._prescription")?;
-        module.call_method1("from_optiland", (optic, focus_distance, half_diagonal_mm, field, points))
     }
 
     /// Read a map from a file that `save` has written.
@@ -248,7 +209,7 @@ impl PyLensMap {
         path.py().import("dofsim._lens_map")?.call_method1("load", (path,))
     }
 
-    /// Write the map to a file, for `load` and for ``--psf`` of the command line.
+    /// Write the map to a file, for `load` and for the word ``psf`` in a file of a lens.
     ///
     /// Parameters
     /// ----------
