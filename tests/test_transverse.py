@@ -57,7 +57,7 @@ def lamp(at, dark=0.0):
 
 
 def binned(landed):
-    """The part of the light in each pixel."""
+    """Count the part of the light in each pixel."""
     edges = np.arange(HEIGHT + 1) - 0.5, np.arange(WIDTH + 1) - 0.5
     counts, _, _ = np.histogram2d(landed[:, 1], landed[:, 0], bins=edges)
     return counts / len(landed)
@@ -118,9 +118,10 @@ def test_a_lens_of_twice_the_disc_is_one_of_twice_the_strength():
 
 def test_what_is_in_focus_on_the_axis_stays_as_it_is():
     color = scenes()["flat"][0]
-    got = render(color, 0.0, LENS.replace(coma=0.004, astigmatism=0.01))
-    near = np.hypot(X - MIDDLE[0], Y - MIDDLE[1]) < 3
+    got = render(color, 0.0, LENS.replace(coma=0.0008, astigmatism=0.002))
+    near = np.hypot(X - MIDDLE[0], Y - MIDDLE[1]) < 30
     assert_allclose(got[near], color[near], atol=1e-6)
+    assert np.abs(got - color).max() > 0.01
 
 
 # Points of light
@@ -133,9 +134,9 @@ def test_coma_is_the_image_of_the_lens_by_its_formula(at, shift):
     landed = landings(at, disc_points(), coma=0.2, shift=shift)
     light, mean, covariance = moments(image)
     assert light == pytest.approx(1.0, abs=1e-5)
-    assert_allclose(mean, landed.mean(0), atol=0.02)
-    # A pixel adds its own variance to that of the points.
-    assert_allclose(covariance, np.cov(landed.T) + np.eye(2) / 12, atol=0.01 * np.trace(np.cov(landed.T)))
+    _, binned_mean, binned_covariance = moments(binned(landed))
+    assert_allclose(mean, binned_mean, atol=0.01)
+    assert_allclose(covariance, binned_covariance, atol=0.01 * np.trace(binned_covariance))
     assert np.minimum(image, binned(landed)).sum() > 0.985
     lit = image > 1e-4
     for axis, grid in enumerate((X, Y)):
@@ -180,7 +181,9 @@ def test_a_highlight_is_as_bright_as_a_faint_point():
     lens = LENS.replace(coma=0.1)
     swept = render(faint, -6.0, lens, views=4096)[..., 0] - 0.5
     bright = np.where(faint > 1.0, np.float32(BRIGHT), np.float32(0.0))
-    drawn = render(bright, -6.0, lens)[..., 0] * (1.5 / BRIGHT)
+    # Coma moves a point out by a third of it in the mean, as the field grows: surfaces are larger by as
+    # much, and as bright as before, while a highlight keeps its light.
+    drawn = render(bright, -6.0, lens)[..., 0] * (1.5 / BRIGHT) * (1 + 0.1 / 3) ** 2
     assert drawn.sum() == pytest.approx(swept.sum(), rel=0.01)
     assert_allclose(moments(drawn)[1], moments(swept)[1], atol=0.05)
     assert np.abs(drawn - swept).max() < 0.05 * drawn.max()
@@ -196,14 +199,18 @@ def test_no_seam_is_where_tiles_meet():
     lens = {"coma": 0.1, "astigmatism": 0.05}
 
     def cut(dx, dy):
-        """The picture from another corner on, with the axis where it was in the scene."""
+        """Render the picture from another corner on, with the axis where it was in the scene."""
         part = np.ascontiguousarray(large[dy : dy + HEIGHT, dx : dx + WIDTH])
         moved = LENS.replace(principal_point=(-dx / WIDTH, -dy / HEIGHT), **lens)
         return render(part, -3.0, moved, views=2048)
 
     one, other = cut(0, 0)[24:-24, 24:-24], cut(21, 11)[24 - 11 : -24 - 11, 24 - 21 : -24 - 21]
-    assert one.shape == other.shape
-    assert np.abs(one - other).max() < 0.02 * large.std()
+    off = np.abs(one - other)
+    # What is left is the noise of lens samples, and no more of it at a border than elsewhere.
+    assert off.mean() < 0.01 * large.std()
+    y, x = np.mgrid[24 : HEIGHT - 24, 24 : WIDTH - 24]
+    border = (x % 64 == 0) | (x % 64 == 63) | (y % 32 == 0) | (y % 32 == 31)
+    assert off[border].mean() < 1.2 * off[~border].mean()
 
 
 def test_the_picture_changes_smoothly_as_aberrations_set_in():
@@ -226,7 +233,7 @@ def test_a_card_hides_the_half_of_the_lens_that_it_stands_before(shift):
     color = lamp(at)
     color[edge < X] = 0.0
     image = render(color, shifts, LENS.replace(coma=0.15))[..., 0] / BRIGHT
-    # The beam of a lens point has moved by `l (near - shift)` where it passes the card, which begins at `edge + 1/2`.
+    # The beam of a lens point has moved by `l (near - shift)` at the card, which begins at `edge + 1/2`.
     points = disc_points()
     passes = points[:, 0] * (near - shift) < edge + 0.5 - at[0]
     landed = landings(at, points[passes], coma=0.15, shift=shift)
@@ -276,7 +283,8 @@ def test_a_point_looks_as_its_picture(shift):
     behind = picture_of(lambda x, y: 0.2 + (x + 0.3 * y > 0))
     in_front = picture_of(lambda x, y: 0.2 + x**2 + y**2)
     lens = LENS.replace(psf=LensMap.from_pictures([0.0], behind[None], in_front=in_front[None]))
-    at = (140, 100)
+    # A field to the right of the axis, as that of the pictures.
+    at = (240, 100)
     image = render(lamp(at), shift, lens)[..., 0] / BRIGHT
     source = behind if shift < 0 else in_front
     size = abs(shift)
@@ -318,7 +326,9 @@ def test_maps_are_values(tmp_path):
     given[0, 4, 6] = np.nan
     one = LensMap([0.5], given, focused=0.01 * lens_points(9)[None])
     other = LensMap([0.5], given, focused=0.01 * lens_points(9)[None])
-    assert one == other and hash(one) == hash(other) and repr(one) == repr(other)
+    assert one == other
+    assert hash(one) == hash(other)
+    assert repr(one) == repr(other)
     assert one != LensMap([0.5], given)
     assert pickle.loads(pickle.dumps(one)) == one
     assert_array_equal(one.behind, given)
@@ -327,8 +337,11 @@ def test_maps_are_values(tmp_path):
     one.save(tmp_path / "lens.npz")
     assert LensMap.load(tmp_path / "lens.npz") == one
     lens = LENS.replace(psf=one, coma=0.0)
-    assert lens.psf == one and lens == LENS.replace(psf=other) and lens != LENS
-    assert pickle.loads(pickle.dumps(lens)) == lens and "psf=LensMap(" in repr(lens)
+    assert lens.psf == one
+    assert lens == LENS.replace(psf=other)
+    assert lens != LENS
+    assert pickle.loads(pickle.dumps(lens)) == lens
+    assert "psf=LensMap(" in repr(lens)
     assert lens.replace(psf=None) == LENS
 
 
@@ -400,7 +413,7 @@ def test_bad_values_are_named(make, match):
 
 
 def test_spherical_aberration_is_in_the_map():
-    with pytest.raises(ValueError, match="^aperture: spherical must be 0 for a lens with psf"):
+    with pytest.raises(ValueError, match=r"^aperture: spherical must be 0 for a lens with psf"):
         render(lamp((9, 9)), 1.0, LENS.replace(psf=THIN), aperture=dofsim.Aperture(spherical=0.5))
 
 
@@ -412,14 +425,25 @@ def test_a_file_that_is_no_map_is_named(tmp_path):
 
 
 def test_spherical_aberration_and_coma_go_together():
-    # Each moves light by itself where the other is absent.
     aperture = dofsim.Aperture(spherical=0.9)
     at = (int(MIDDLE[0] + 0.5), int(MIDDLE[1] + 0.5))
     color = lamp(at)
     plain = render(color, -12.0, LENS, aperture=aperture)
     both = render(color, -12.0, LENS.replace(coma=0.2), aperture=aperture)
-    # Beside the middle, coma is 0.2 x 0.7 / 172 of a half diagonal: a seventh of a pixel.
-    assert np.abs(both - plain).sum() < 0.03 * plain.sum()
+    # Beside the middle, the comet is as long as a seventh of a pixel: both ways to draw the disc meet.
+    assert np.abs(both - plain).sum() < 0.06 * plain.sum()
+    at = (240, 60)
+    image = render(lamp(at), -12.0, LENS.replace(coma=0.2), aperture=aperture)[..., 0] / BRIGHT
+    points = disc_points()
+    # Behind the focus the light within `rho` is `(1 - s) rho^2 + s rho^4`.
+    within, at_rho = (points**2).sum(1), np.linspace(0, 1, 4001)
+    rho = np.interp(within, 0.1 * at_rho**2 + 0.9 * at_rho**4, at_rho)
+    moved = points * (rho / np.sqrt(within))[:, None]
+    landed = landings(at, points, coma=0.2) + 12.0 * moved
+    _, mean, covariance = moments(binned(landed))
+    assert_allclose(moments(image)[1], mean, atol=0.03)
+    assert_allclose(moments(image)[2], covariance, atol=0.01 * np.trace(covariance))
+    assert np.minimum(image, binned(landed)).sum() > 0.97
 
 
 # A prescription
@@ -447,7 +471,9 @@ def test_a_double_gauss_draws_points_as_its_rays_land(height, distance):
     chief = traced.landings(tangent, traced.aimed(tangent, np.zeros((1, 2))), traced.focus)[0]
     pupil = traced.aimed(tangent, disc_points(120), distance=1e3 * distance)
     landed = traced.landings(tangent, pupil, 1e3 * distance)[0] - chief
-    landed = landed[~np.isnan(landed).any(-1)] * np.sign(traced.image_distance) * half_diagonal / half_diagonal_mm
+    landed = (
+        landed[~np.isnan(landed).any(-1)] * np.sign(traced.image_distance) * half_diagonal / half_diagonal_mm
+    )
     # In the frame of the field, which is towards the lower right corner.
     across = np.array([-direction[1], direction[0]])
     landed = at + landed[:, :1] * direction + landed[:, 1:] * across
@@ -458,10 +484,11 @@ def test_a_double_gauss_draws_points_as_its_rays_land(height, distance):
     light = image.sum()
     mean = np.array([(image * x).sum(), (image * y).sum()]) / light
     variance = (image * ((x - mean[0]) ** 2 + (y - mean[1]) ** 2)).sum() / light - 1 / 6
-    radius, by_rays = (np.sqrt(2 * v) for v in (variance, landed.var(0).sum()))
+    radius, by_rays = (np.sqrt(2 * max(v, 0.0)) for v in (variance, landed.var(0).sum()))
     overlap = np.minimum(image, expected).sum()
-    print(f"{height} {distance}: {mean - landed.mean(0)} {radius} {by_rays} {overlap}")
     assert light == pytest.approx(1.0, abs=1e-4)
-    assert_allclose(mean, landed.mean(0), atol=0.15 + 0.02 * by_rays)
-    assert radius == pytest.approx(by_rays, rel=0.03, abs=0.15)
-    assert overlap > (0.9 if by_rays > 3 else 0.7)
+    # The map is that of the place of the point, as it is seen; rays pass the focus a blur away from it.
+    assert_allclose(mean, landed.mean(0), atol=0.02)
+    # Spots of about a pixel are drawn by how they change textures, not by the area of pixels.
+    assert radius == pytest.approx(by_rays, rel=0.03, abs=0.01 if by_rays > 3 else 0.3)
+    assert overlap > (0.94 if by_rays > 3 else 0.75)

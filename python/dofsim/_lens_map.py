@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import zipfile
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,7 @@ def _rank(points: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def _places(picture: NDArray[np.float64], points: int) -> NDArray[np.float64]:
-    """Give the places in the square from -1 to 1 to which the light of a disc goes, in its order, to fill a picture."""
+    """Give the places in the square from -1 to 1 to which a disc's light goes to fill a picture."""
     rows, columns = picture.shape
     above, left = _rank(points)
     by_row = np.concatenate([[0.0], np.cumsum(picture.sum(1))])
@@ -56,7 +57,9 @@ def _places(picture: NDArray[np.float64], points: int) -> NDArray[np.float64]:
     beyond = part - column
 
     def at(number: NDArray[np.int_]) -> NDArray[np.float64]:
-        return where[number, column] + beyond * (where[number, column + 1] - where[number, column])
+        left, right = where[number, column], where[number, column + 1]
+        between: NDArray[np.float64] = left + beyond * (right - left)
+        return between
 
     share = row - first
     x = at(first) + share * (at(second) - at(first))
@@ -107,7 +110,7 @@ def from_pictures(
 
 def save(lens_map: LensMap, path: str | os.PathLike[str]) -> None:
     """Make `LensMap.save`."""
-    with open(path, "wb") as file:
+    with Path(path).open("wb") as file:
         np.savez_compressed(file, **{name: getattr(lens_map, name) for name in _ARRAYS})
 
 
@@ -120,6 +123,4 @@ def load(path: str | os.PathLike[str]) -> LensMap:
         raise ValueError(
             f"{os.fspath(path)}: not a lens map, which is an archive with {', '.join(_ARRAYS)}: {error}"
         ) from error
-    return LensMap(
-        arrays["field"], arrays["behind"], in_front=arrays["in_front"], focused=arrays["focused"]
-    )
+    return LensMap(arrays["field"], arrays["behind"], in_front=arrays["in_front"], focused=arrays["focused"])

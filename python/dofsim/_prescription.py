@@ -13,8 +13,8 @@ from dofsim._dofsim import Lens, LensMap
 from ._extras import missing
 from ._lens_map import lens_points
 
-# Steps of Newton's method for the ray through a point of the stop, and the part of the pupil by which rays differ
-# of which it takes the slope.
+# Steps of Newton's method for the ray through a point of the stop. It takes slopes of rays that are so many radii of
+# the pupil apart.
 _AIMS = 6
 _STEP = 1e-4
 # The tangent of a field so near to the axis that rays there are paraxial.
@@ -32,13 +32,15 @@ class Traced:
         try:
             from optiland.rays import RealRays
         except ModuleNotFoundError as error:
-            raise ImportError(missing("lenses from prescriptions need", "optiland", "prescription")) from error
+            raise ImportError(
+                missing("lenses from prescriptions need", "optiland", "prescription")
+            ) from error
         self._rays = RealRays
         self._surfaces = optic.surfaces
         self._wavelength = float(optic.primary_wavelength)
         paraxial = optic.paraxial
         self.pupil_radius = 0.5 * _number(paraxial.EPD())
-        self.pupil_z = _number(paraxial.entrance_pupil_z())
+        self.pupil_z = _number(paraxial.entrance_pupil_axial_position())
         self._stop = int(optic.surfaces.stop_index)
         heights, _ = paraxial.marginal_ray()
         self._stop_radius = abs(float(np.ravel(heights[self._stop])[0]))
@@ -51,16 +53,18 @@ class Traced:
         self.image_distance = float(chief[0, 0]) / _PARAXIAL
 
     def _trace(self, tangent: NDArray[np.float64], pupil: NDArray[np.float64], distance: float) -> Any:
-        """Trace rays from points at a distance, by the tangents of their fields, through points of the entrance pupil."""
+        """Trace rays from points at a distance, of these fields, through points of the pupil."""
         at = self.pupil_radius * pupil
         away = np.zeros_like(at)
         away[..., 0] = tangent
-        # From the object, at `distance` in front of the pupil, to the point of the pupil; per millimetre of depth.
+        # From the object, at `distance` in front of the pupil, to the point of the pupil, per millimetre.
         slope = at / distance - away if math.isfinite(distance) else -away
         start_z = _number(self._surfaces[1].geometry.cs.z) - 2.0 * self.pupil_radius
         start = at + slope * (start_z - self.pupil_z)
         norm = np.sqrt(1.0 + (slope**2).sum(-1))
-        flat = [np.ravel(v) for v in (start[..., 0], start[..., 1], slope[..., 0] / norm, slope[..., 1] / norm)]
+        flat = [
+            np.ravel(v) for v in (start[..., 0], start[..., 1], slope[..., 0] / norm, slope[..., 1] / norm)
+        ]
         x, y, toward_x, toward_y = flat
         rays = self._rays(
             x,
@@ -79,14 +83,15 @@ class Traced:
     def aimed(
         self, tangent: NDArray[np.float64], points: NDArray[np.float64], distance: float | None = None
     ) -> NDArray[np.float64]:
-        """Give the points of the entrance pupil whose rays pass these points of the stop; those in focus by default."""
+        """Give the points of the pupil whose rays pass these points of the stop; in focus by default."""
         distance = self.focus if distance is None else distance
         tangent = np.broadcast_to(tangent, points.shape[:-1])
         pupil = points.copy()
 
         def off(pupil: NDArray[np.float64]) -> NDArray[np.float64]:
             self._trace(tangent, pupil, distance)
-            passed = [np.asarray(v)[self._stop].reshape(pupil.shape[:-1]) for v in (self._surfaces.x, self._surfaces.y)]
+            stop = self._surfaces[self._stop]
+            passed = [np.asarray(v).reshape(pupil.shape[:-1]) for v in (stop.x, stop.y)]
             return np.stack(passed, axis=-1) / self._stop_radius - points
 
         for _ in range(_AIMS):
@@ -95,7 +100,9 @@ class Traced:
             (a, c), (b, d) = (np.moveaxis(column, -1, 0) for column in columns)
             determinant = a * d - b * c
             with np.errstate(all="ignore"):
-                move = np.stack([d * here[..., 0] - b * here[..., 1], a * here[..., 1] - c * here[..., 0]], axis=-1)
+                move = np.stack(
+                    [d * here[..., 0] - b * here[..., 1], a * here[..., 1] - c * here[..., 0]], axis=-1
+                )
                 move /= determinant[..., None]
             # A ray that has missed a surface stays: it does not arrive.
             pupil = pupil - np.where(np.abs(move) < 1.0, move, np.nan)

@@ -147,29 +147,41 @@ impl LensMap {
         ]
     }
 
-    /// The landing and the light of lens point `l` in the map of height number `i`.
-    fn at_height(&self, i: usize, l: [f64; 2]) -> ([f64; Landing::LENGTH], f64) {
+    /// The landing of lens point `l` in the map of height number `i`.
+    fn at_height(&self, i: usize, l: [f64; 2]) -> [f64; Landing::LENGTH] {
         let mut values = [0.0; Landing::LENGTH];
         for (node, weight) in self.around(i, l) {
             values.iter_mut().zip(self.nodes[node].values).for_each(|(v, node)| *v += weight * node);
         }
+        values
+    }
+
+    /// The part of the light that arrives through lens point `l` in the map of height number `i`.
+    fn light_at_height(&self, i: usize, l: [f64; 2]) -> f64 {
         // Nodes outside of the lens know nothing of light: beside the rim, those a cell further inside are asked.
         let inside = 1.0 - 3.0 / (self.across - 1) as f64;
         let within = (inside / l[0].hypot(l[1]).max(1e-9)).min(1.0);
         let around = self.around(i, l.map(|v| v * within));
-        (values, around.iter().map(|(node, weight)| weight * self.nodes[*node].light).sum())
+        around.iter().map(|(node, weight)| weight * self.nodes[*node].light).sum()
     }
 
-    /// Where rays through lens point `l`, of a field to the right at `height`, land, and whether they arrive.
-    pub fn at(&self, height: f64, l: [f64; 2]) -> (Landing, bool) {
+    /// Where rays through lens point `l`, of a field to the right at `height`, land.
+    pub fn at(&self, height: f64, l: [f64; 2]) -> Landing {
         let (i, f) = interval(&self.heights, height);
-        let (mut values, mut light) = self.at_height(i, l);
+        let mut values = self.at_height(i, l);
         if f > 0.0 {
-            let (farther, more) = self.at_height(i + 1, l);
+            let farther = self.at_height(i + 1, l);
             values.iter_mut().zip(farther).for_each(|(v, farther)| *v += f * (farther - *v));
-            light += f * (more - light);
         }
-        (Landing::of(values), light >= 0.5)
+        Landing::of(values)
+    }
+
+    /// Whether they arrive.
+    pub fn arrives(&self, height: f64, l: [f64; 2]) -> bool {
+        let (i, f) = interval(&self.heights, height);
+        let light = self.light_at_height(i, l);
+        let farther = if f > 0.0 { self.light_at_height(i + 1, l) } else { light };
+        light + f * (farther - light) >= 0.5
     }
 
     /// How far the lens differs from a thin one at `height`, at most.
@@ -218,7 +230,7 @@ impl LensMap {
             for (ring, turn) in (1..=RINGS).flat_map(|ring| (0..DIRECTIONS).map(move |turn| (ring, turn))) {
                 let (sin, cos) = (TAU * turn as f64 / DIRECTIONS as f64).sin_cos();
                 let rho = ring as f64 / RINGS as f64;
-                let (values, _) = self.at_height(i, [rho * cos, rho * sin]);
+                let values = self.at_height(i, [rho * cos, rho * sin]);
                 let [a, b] = Landing::of(values).out_of_focus.map(|v| v[0].hypot(v[1]));
                 widest = widest.max(a).max(b);
             }
@@ -325,8 +337,8 @@ mod tests {
             for turn in 0..100 {
                 let (sin, cos) = f64::from(turn).sin_cos();
                 let rho = (f64::from(turn) / 99.0).sqrt();
-                let (landing, arrives) = map.at(0.3, [rho * cos, rho * sin]);
-                assert!(arrives && landing.focused == [0.0; 2]);
+                let landing = map.at(0.3, [rho * cos, rho * sin]);
+                assert!(map.arrives(0.3, [rho * cos, rho * sin]) && landing.focused == [0.0; 2]);
                 for v in landing.out_of_focus {
                     assert!((v[0] - rho * cos).hypot(v[1] - rho * sin) < 1e-12);
                 }
@@ -346,8 +358,8 @@ mod tests {
             }
         }
         let map = LensMap::new(vec![0.0], across, given).unwrap();
-        assert!(map.at(0.0, [0.45, 0.3]).1 && map.at(0.0, [0.45, -0.8]).1);
-        assert!(!map.at(0.0, [0.6, 0.3]).1 && !map.at(0.0, [0.6, 0.79]).1);
+        assert!(map.arrives(0.0, [0.45, 0.3]) && map.arrives(0.0, [0.45, -0.8]));
+        assert!(!map.arrives(0.0, [0.6, 0.3]) && !map.arrives(0.0, [0.6, 0.79]));
         assert!((map.deviation(0.0).lost - 0.4375).abs() < 1e-12);
     }
 

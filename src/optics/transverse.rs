@@ -112,19 +112,22 @@ impl Field<'_> {
         [c * u - s * v, s * u + c * v]
     }
 
-    /// The course of the ray through a point of the opening; `None` if it does not arrive.
-    pub fn course(&self, pupil: [f64; 2]) -> Option<Course> {
-        if !self.passes_doors(pupil) {
-            return None;
-        }
+    /// Whether the ray through a point of the opening arrives.
+    pub fn arrives(&self, pupil: [f64; 2]) -> bool {
+        let map = self.lens.map.as_ref();
+        self.passes_doors(pupil) && map.is_none_or(|map| map.arrives(self.height, self.turned(pupil)))
+    }
+
+    /// The course of the ray through a point of the opening, if it arrives.
+    pub fn course(&self, pupil: [f64; 2]) -> Course {
         let l = self.turned(pupil);
         let (size, h) = (self.lens.half_diagonal_px, self.height);
         match &self.lens.map {
             Some(map) => {
-                let (landing, arrives) = map.at(h, l);
+                let landing = map.at(h, l);
                 let start_px = self.turned_back(landing.focused.map(|v| -size * v));
                 let lens = landing.out_of_focus.map(|v| self.turned_back(v));
-                arrives.then_some(Course { start_px, lens: Some(lens) })
+                Course { start_px, lens: Some(lens) }
             }
             None => {
                 let [u, v] = l;
@@ -134,7 +137,7 @@ impl Field<'_> {
                     -coma * (3.0 * u * u + v * v) - astigmatism * u,
                     -coma * (2.0 * u * v) + astigmatism * v,
                 ];
-                Some(Course { start_px: self.turned_back(start), lens: None })
+                Course { start_px: self.turned_back(start), lens: None }
             }
         }
     }
@@ -181,7 +184,8 @@ impl Field<'_> {
                 [rho * cos, rho * sin]
             })
         });
-        let starts: Vec<[f64; 2]> = points.filter_map(|l| Some(self.course(l)?.start_px)).collect();
+        let starts: Vec<[f64; 2]> =
+            points.filter(|l| self.arrives(*l)).map(|l| self.course(l).start_px).collect();
         let mean =
             |of: &dyn Fn(&[f64; 2]) -> f64| starts.iter().map(of).sum::<f64>() / starts.len().max(1) as f64;
         let middle = [mean(&|p| p[0]), mean(&|p| p[1])];
@@ -222,14 +226,14 @@ mod tests {
             for (i, l) in rim(16).enumerate() {
                 // The angle of the lens point from the direction of the field, down, on towards the left.
                 let theta = TAU * (i as f64 / 16.0 - 0.25);
-                let landed = field.course(l.map(|v| rho * v)).unwrap().start_px.map(|v| -v);
+                let landed = field.course(l.map(|v| rho * v)).start_px.map(|v| -v);
                 let size = 1000.0 * 0.03 * 0.5 / 3.0 * rho * rho;
                 let (along, across) = (2.0 + (2.0 * theta).cos(), (2.0 * theta).sin());
                 assert!((landed[1] - size * along).abs() < 1e-9, "{landed:?}");
                 assert!((landed[0] + size * across).abs() < 1e-9, "{landed:?}");
             }
         }
-        let farthest = rim(360).map(|l| field.course(l).unwrap().start_px.map(|v| v * v).iter().sum::<f64>());
+        let farthest = rim(360).map(|l| field.course(l).start_px.map(|v| v * v).iter().sum::<f64>());
         assert!((farthest.fold(0.0, f64::max).sqrt() - 15.0).abs() < 1e-9);
         assert!((field.deviation().focused - 0.015).abs() < 1e-12);
     }
@@ -240,7 +244,7 @@ mod tests {
         let field = lens.at([100.0 + 800.0, 80.0]);
         let focus = 0.5 * 0.02 * 0.64 * 1000.0;
         for l in rim(32) {
-            let start = field.course(l).unwrap().start_px;
+            let start = field.course(l).start_px;
             let at = |t: f64| [0, 1].map(|i| start[i] + l[i] * t);
             assert!(at(focus)[0].abs() < 1e-9, "no extent away from the axis");
             assert!((at(focus)[1] - 2.0 * focus * l[1]).abs() < 1e-9);
@@ -254,7 +258,7 @@ mod tests {
         let barn_doors = Some(BarnDoors { half: [0.8, 1.5], moves: 0.5 });
         let lens = Transverse { barn_doors, ..lens(0.0, 0.0) };
         let field = lens.at([1100.0, 80.0]);
-        let arrives = |x: f64| field.course([x, 0.0]).is_some();
+        let arrives = |x: f64| field.arrives([x, 0.0]);
         assert!(arrives(-1.0) && arrives(0.29) && !arrives(0.31));
         assert!((field.deviation().lost - 0.7).abs() < 1e-12);
     }

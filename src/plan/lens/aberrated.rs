@@ -133,21 +133,29 @@ impl Place<'_> {
 
     /// The ray of a sample, if it arrives.
     pub fn ray(&self, sample: &LensSample) -> Option<LensSample> {
-        let course = self.field.course(sample.pupil)?;
+        if !self.field.arrives(sample.pupil) {
+            return None;
+        }
+        let course = self.field.course(sample.pupil);
         let (offset, [in_front, behind]) = self.adapted(&course, [sample.in_front, sample.behind]);
         let start = [0, 1].map(|i| sample.start[i] + offset[i]);
         Some(LensSample { in_front, behind, start, ..*sample })
     }
 
     /// Where the light of a point of shift `t` lands through a point of the opening, relative to the point, and the lens
-    /// point from which it seems to come; and whether it arrives.
-    pub fn landing(&self, pupil: [f64; 2], t: f64) -> Option<([f64; 2], [f64; 2])> {
-        let course = self.field.course(pupil)?;
+    /// point from which it seems to come, if it arrives.
+    pub fn landing(&self, pupil: [f64; 2], t: f64) -> ([f64; 2], [f64; 2]) {
+        let course = self.field.course(pupil);
         let aperture = &self.lens.aperture;
         let thin = [Side::InFront, Side::Behind].map(|side| aperture.lens_point(pupil, side));
         let (offset, lens) = self.adapted(&course, thin);
         let l = lens[usize::from(t <= 0.0)];
-        Some(([0, 1].map(|i| -offset[i] - l[i] * t), l))
+        ([0, 1].map(|i| -offset[i] - l[i] * t), l)
+    }
+
+    /// Whether light arrives through a point of the opening.
+    pub fn arrives(&self, pupil: [f64; 2]) -> bool {
+        self.field.arrives(pupil)
     }
 }
 

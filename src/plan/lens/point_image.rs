@@ -43,30 +43,21 @@ pub struct PointImage {
     pub light: Vec<f32>,
 }
 
-/// Landings of the corners of cells, with their lens points.
-struct Lattice {
-    /// Corners in a row.
+/// What the lens makes of the corners of all cells.
+struct Lattice<'a> {
+    place: &'a Place<'a>,
+    /// Cells along the radius, and corners in a row.
+    radius: f64,
     across: usize,
-    corners: Vec<Option<([f64; 2], [f64; 2])>>,
+    corners: Vec<Corner>,
 }
 
-impl Lattice {
-    fn new(place: &Place, radius: i32, t: f64) -> Lattice {
-        // Cells go from `-radius - 1` to `radius + 1`.
-        let across = (2 * radius + 4) as usize;
-        let at = |i: usize| (i as f64 - 0.5 * (across - 1) as f64) / f64::from(radius);
-        let corner = |i: usize| place.landing([at(i % across), at(i / across)], t);
-        Lattice { across, corners: (0..across * across).map(corner).collect() }
-    }
-
-    /// The four corners of a cell: upper left, upper right, lower left, lower right.
-    fn of_cell(&self, [x, y]: [i32; 2]) -> [Option<([f64; 2], [f64; 2])>; 4] {
-        let middle = self.across as i32 / 2 - 1;
-        let at = |dx: i32, dy: i32| {
-            self.corners[(y + middle + dy) as usize * self.across + (x + middle + dx) as usize]
-        };
-        [at(0, 0), at(1, 0), at(0, 1), at(1, 1)]
-    }
+/// A corner of cells: where its light lands, its lens point, and whether light arrives.
+#[derive(Clone, Copy)]
+struct Corner {
+    landing: [f64; 2],
+    lens: [f64; 2],
+    arrives: bool,
 }
 
 /// What a cell of the opening draws.
@@ -76,6 +67,61 @@ struct Drawn {
     size: [f64; 2],
     light: f64,
     lens: [f64; 2],
+}
+
+/// Into so many parts along each axis a cell is divided of which a part of the light arrives.
+const PARTS: usize = 4;
+
+impl<'a> Lattice<'a> {
+    fn new(place: &'a Place<'a>, radius: i32, t: f64) -> Lattice<'a> {
+        // Cells go from `-radius - 1` to `radius + 1`.
+        let across = (2 * radius + 4) as usize;
+        let radius = f64::from(radius);
+        let at = |i: usize| (i as f64 - 0.5 * (across - 1) as f64) / radius;
+        let corner = |i: usize| {
+            let pupil = [at(i % across), at(i / across)];
+            let (landing, lens) = place.landing(pupil, t);
+            Corner { landing, lens, arrives: place.arrives(pupil) }
+        };
+        Lattice { place, radius, across, corners: (0..across * across).map(corner).collect() }
+    }
+
+    /// Adds what a cell draws.
+    fn draw(&self, cell: [i32; 2], light: f64, drawn: &mut Vec<Drawn>) {
+        let middle = self.across as i32 / 2 - 1;
+        let at = |dx: i32, dy: i32| {
+            &self.corners[(cell[1] + middle + dy) as usize * self.across + (cell[0] + middle + dx) as usize]
+        };
+        let corners = [at(0, 0), at(1, 0), at(0, 1), at(1, 1)];
+        let parts = match corners.iter().filter(|corner| corner.arrives).count() {
+            0 => return,
+            4 => 1,
+            _ => PARTS,
+        };
+        let between = |[x, y]: [f64; 2], of: fn(&Corner) -> [f64; 2]| {
+            let weights = [(1.0 - x) * (1.0 - y), x * (1.0 - y), (1.0 - x) * y, x * y];
+            [0, 1].map(|i| corners.iter().zip(weights).map(|(corner, w)| w * of(corner)[i]).sum::<f64>())
+        };
+        let side = |ends: [usize; 4]| {
+            let [a, b, c, d] = ends.map(|i| corners[i].landing);
+            [0, 1].map(|i| 0.5 * (b[i] - a[i] + d[i] - c[i]))
+        };
+        let (along, down) = (side([0, 1, 2, 3]), side([0, 2, 1, 3]));
+        // A uniform parallelogram has a twelfth of the squares of its sides for a variance.
+        let size = [0, 1].map(|i| along[i].hypot(down[i]) / parts as f64);
+        let part = |i: usize| (i as f64 + 0.5) / parts as f64;
+        for place in (0..parts).flat_map(|y| (0..parts).map(move |x| [part(x), part(y)])) {
+            let pupil = [0, 1].map(|i| (f64::from(cell[i]) - 0.5 + place[i]) / self.radius);
+            if parts == 1 || self.place.arrives(pupil) {
+                drawn.push(Drawn {
+                    middle: between(place, |corner| corner.landing),
+                    size,
+                    light: light / (parts * parts) as f64,
+                    lens: between(place, |corner| corner.lens),
+                });
+            }
+        }
+    }
 }
 
 impl PointImage {
@@ -89,17 +135,14 @@ impl PointImage {
         visible: impl Fn([f64; 2]) -> f64,
     ) -> PointImage {
         let lattice = Lattice::new(place, cells.radius, t);
-        let drawn: Vec<Drawn> = cells
-            .cells
-            .iter()
-            .filter_map(|&(cell, light)| {
-                let clipped = clip.map_or(1.0, |(clip, at)| {
-                    let pupil = cell.map(|v| f64::from(v) / f64::from(cells.radius));
-                    clip.share_of_pupil(at, pupil, f64::from(cells.radius))
-                });
-                draw(lattice.of_cell(cell), light * clipped)
-            })
-            .collect();
+        let mut drawn = Vec::with_capacity(cells.cells.len());
+        for &(cell, light) in &cells.cells {
+            let clipped = clip.map_or(1.0, |(clip, at)| {
+                let pupil = cell.map(|v| f64::from(v) / f64::from(cells.radius));
+                clip.share_of_pupil(at, pupil, f64::from(cells.radius))
+            });
+            lattice.draw(cell, light * clipped, &mut drawn);
+        }
         let total: f64 = drawn.iter().map(|d| d.light).sum();
         let ends = [0, 1].map(|i| {
             let least = drawn.iter().map(|d| d.middle[i] - 0.5 * d.size[i]).fold(f64::INFINITY, f64::min);
@@ -125,32 +168,6 @@ impl PointImage {
     pub fn rows(&self) -> impl Iterator<Item = (i32, &[f32])> {
         (self.first[1]..).zip(self.light.chunks_exact(self.columns))
     }
-}
-
-/// The box of a cell with these corners. Corners through which no light arrives take their part of it along.
-fn draw(corners: [Option<([f64; 2], [f64; 2])>; 4], light: f64) -> Option<Drawn> {
-    let arriving = corners.iter().flatten().count() as f64;
-    let mean = |of: fn(&([f64; 2], [f64; 2])) -> [f64; 2]| {
-        let sum = corners.iter().flatten().map(of).fold([0.0; 2], |[x, y], v| [x + v[0], y + v[1]]);
-        sum.map(|v| v / arriving)
-    };
-    if arriving == 0.0 {
-        return None;
-    }
-    // The sides of the parallelogram, from those pairs of corners that are known.
-    let side = |pairs: [(usize, usize); 2]| {
-        let ends = pairs.iter().filter_map(|&(a, b)| Some((corners[a]?.0, corners[b]?.0)));
-        let sides: Vec<[f64; 2]> = ends.map(|(a, b)| [b[0] - a[0], b[1] - a[1]]).collect();
-        [0, 1].map(|i| sides.iter().map(|s| s[i]).sum::<f64>() / sides.len().max(1) as f64)
-    };
-    let (along, down) = (side([(0, 1), (2, 3)]), side([(0, 2), (1, 3)]));
-    Some(Drawn {
-        middle: mean(|c| c.0),
-        // A uniform parallelogram has a twelfth of the squares of its sides for a variance.
-        size: [0, 1].map(|i| along[i].hypot(down[i])),
-        light: 0.25 * arriving * light,
-        lens: mean(|c| c.1),
-    })
 }
 
 /// The pixels of one axis that an interval covers, and the part of it that each has.
