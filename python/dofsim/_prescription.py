@@ -13,8 +13,8 @@ from dofsim._dofsim import Lens, LensMap
 from ._extras import missing
 from ._lens_map import lens_points
 
-# Steps of Newton's method for the ray through a point of the stop. It takes slopes of rays that are so many radii of
-# the pupil apart.
+# Steps of Newton's method for the ray through a point of the stop. It takes slopes of rays that are so many
+# radii of the pupil apart.
 _AIMS = 6
 _STEP = 1e-4
 # The tangent of a field so near to the axis that rays there are paraxial.
