@@ -15,6 +15,7 @@ __all__ = [
     "DeviceError",
     "ExrPart",
     "Lens",
+    "LensMap",
     "Scene",
     "__version__",
     "chosen_device",

@@ -437,7 +437,7 @@ mod tests {
             (Lens::from_disparity(Strength::Percent(-1.0), 1.0), "strength_percent"),
             (thin(1.0).mounted(Mount { tilt_deg: [90.0, 0.0], ..Mount::PLAIN }), "tilt"),
             (thin(f64::INFINITY).mounted(tilted), "tilt"),
-            (relative.mounted(tilted), "tilt"),
+            (relative.clone().mounted(tilted), "tilt"),
             (thin(1.0).mounted(Mount { sensor_mm: Some(0.0), ..Mount::PLAIN }), "sensor_mm"),
             (thin(1.0).focused_over([0.0, 1.0]), "in_focus"),
             (thin(1.0).focused_over([2.0, 1.0]), "in_focus"),

@@ -259,7 +259,7 @@ fn read(height: f64, across: usize, given: &[f64]) -> Result<Vec<Node>> {
             continue;
         }
         let Landing { focused, out_of_focus } = Landing::of(values);
-        let far = |v: [f64; 2], most: f64| !(v[0].hypot(v[1]) <= most);
+        let far = |v: [f64; 2], most: f64| v[0].hypot(v[1]) > most;
         if inside && far(focused, 1.0) {
             return Err(value_error!(
                 "focused must be offsets of at most 1 half diagonal (NaN where no light arrives); got {focused:?} at \

@@ -10,10 +10,12 @@ mod depth;
 mod devices;
 mod errors;
 mod files;
+mod hash;
 mod holdout;
 mod input;
 mod invalid_color;
 mod lens;
+mod lens_map;
 mod methods;
 mod output;
 mod output_grid;
@@ -58,7 +60,7 @@ pub mod _dofsim {
     #[pymodule_export]
     use super::lens::focus::focusable_pixels;
     #[pymodule_export]
-    use super::lens::map::PyLensMap;
+    use super::lens_map::PyLensMap;
     #[pymodule_export]
     use super::methods::methods_available;
     #[pymodule_export]

@@ -2,28 +2,17 @@
 
 pub mod cameras;
 pub mod focus;
-pub mod map;
 
 use super::argument;
 use super::errors::choice;
+use super::hash::hash_text;
+use super::lens_map::PyLensMap;
 use crate::error::Result;
 use crate::optics::{Aberrations, BarnDoors, Base, FovAxis, Lens, Mount, Strength, Vignetting};
-use map::PyLensMap;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
-use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::Arc;
-
-/// Hash of the text of a settings value. A negative zero equals a plain one.
-pub fn hash_text(text: &str) -> u64 {
-    let mut hasher = DefaultHasher::new();
-    for word in text.split([' ', '=', ',', '(', ')']) {
-        let word = if word == "-0.0" { "0.0" } else { word };
-        word.hash(&mut hasher);
-    }
-    hasher.finish()
-}
 
 /// A lens: its aperture, its focus, its field of view and its aberrations.
 ///

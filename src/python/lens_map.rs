@@ -1,9 +1,9 @@
 //! `dofsim.LensMap`.
 
-use super::super::argument;
-use super::super::errors::shown;
-use super::super::samples::array;
-use super::hash_text;
+use super::argument;
+use super::errors::shown;
+use super::hash::hash_text;
+use super::samples::array;
 use crate::error::value_error;
 use crate::optics::LensMap;
 use numpy::{PyArray1, PyArray4, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray4, PyUntypedArrayMethods};
@@ -56,6 +56,9 @@ use std::sync::Arc;
 pub struct PyLensMap {
     pub core: Arc<LensMap>,
 }
+
+/// The fields of a lens map, and what lands behind the focus.
+type Places<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray4<f64>>);
 
 /// Offsets of a lens map.
 type Offsets<'py> = PyReadonlyArray4<'py, f64>;
@@ -257,10 +260,7 @@ impl PyLensMap {
         hash_text(&self.to_string())
     }
 
-    fn __getnewargs_ex__<'py>(
-        &self,
-        py: Python<'py>,
-    ) -> PyResult<((Bound<'py, PyArray1<f64>>, Bound<'py, PyArray4<f64>>), Bound<'py, PyDict>)> {
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Places<'py>, Bound<'py, PyDict>)> {
         let words = PyDict::new(py);
         words.set_item("in_front", self.in_front(py)?)?;
         words.set_item("focused", self.focused(py)?)?;
