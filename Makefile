@@ -29,7 +29,7 @@ CARGO = PYO3_PYTHON="$(CURDIR)/$(WORK)/bin/python" cargo
 help:
 	@echo 'make demo     install into $(DEMO) and render the picture that comes with dofsim into dofsim-demo/'
 	@echo 'make gallery  draw that picture with every method into build/gallery/'
-	@echo 'make lenses   draw that picture through twelve lenses into build/lenses/'
+	@echo 'make lenses   draw that picture through fifteen lenses into build/lenses/'
 	@echo 'make pictures draw the pictures of the documentation anew, in docs/'
 	@echo "make test     check everything, in $(WORK); with EXTRAS='docs torch' documentation and PyTorch, too"
 	@echo 'make docs     build the documentation into build/docs/html/'

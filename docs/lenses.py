@@ -1,4 +1,4 @@
-"""The picture that comes with dofsim, through twelve lenses.
+"""The picture that comes with dofsim, through fifteen lenses.
 
 Run `make lenses`, or this file with the folder to write into: a PNG for every lens, and `lenses.png` with
 all of them.
@@ -23,7 +23,7 @@ def heart(texels: int = 128) -> NDArray[np.float64]:
 
 
 def lenses(lens: dofsim.Lens) -> dict[str, tuple[dofsim.Lens, dofsim.Aperture]]:
-    """Twelve lenses out of one, by what they are called on the plate."""
+    """Fifteen lenses out of one, by what they are called on the plate."""
     disc = dofsim.Aperture()
     return {
         "A thin lens": (lens, disc),
@@ -38,6 +38,9 @@ def lenses(lens: dofsim.Lens) -> dict[str, tuple[dofsim.Lens, dofsim.Aperture]]:
         "axial_color=(-0.12, 0, 0.12)": (lens.replace(axial_color=(-0.12, 0.0, 0.12)), disc),
         "lateral_color=(-0.006, 0, 0.006)": (lens.replace(lateral_color=(-0.006, 0.0, 0.006)), disc),
         "tilt=(50, 0)": (lens.replace(tilt=(50.0, 0.0)), disc),
+        "coma=0.08": (lens.replace(coma=0.08), disc),
+        "astigmatism=0.06": (lens.replace(astigmatism=0.06), disc),
+        "barn_doors=(1, 0.35, 0.5)": (lens.replace(barn_doors=(1.0, 0.35, 0.5)), disc),
     }
 
 

@@ -67,6 +67,19 @@ impl Method {
                 "lens: cat_eye is for method=\"lens\"; method={name:?} draws the same opening everywhere"
             ));
         }
+        if let Some(name) = lens.aberrations.transverse() {
+            let Method::Lens(settings) = self else {
+                return Err(value_error!(
+                    "lens: {name} is for method=\"lens\"; method={:?} draws the same opening everywhere",
+                    self.name()
+                ));
+            };
+            if lens.aberrations.psf.is_some() && settings.aperture.has_sides() {
+                return Err(value_error!(
+                    "aperture: spherical must be 0 for a lens with psf, which holds all aberrations"
+                ));
+            }
+        }
         for (aberration, values) in
             [("axial_color", lens.aberrations.axial_color), ("lateral_color", lens.aberrations.lateral_color)]
         {

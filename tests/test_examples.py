@@ -174,6 +174,8 @@ def test_python_that_is_shown_runs(name, code, folder):
         names["sharp_data"] = [torch.rand(3, 8, 8)]
     if "import jax" in code:
         pytest.importorskip("jax")
+    if "from optiland" in code:
+        pytest.importorskip("optiland")
     exec(compiled, names)
 
 

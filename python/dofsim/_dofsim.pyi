@@ -15,6 +15,7 @@ __all__ = [
     "DeviceError",
     "ExrPart",
     "Lens",
+    "LensMap",
     "Scene",
     "__version__",
     "chosen_device",
@@ -192,6 +193,44 @@ class Aperture:
     def _repr_html_(self, /) -> str: ...
     def _repr_png_(self, /) -> bytes: ...
 
+@final
+class LensMap:
+    def __new__(
+        cls,
+        field: ArrayLike,
+        behind: ArrayLike,
+        *,
+        in_front: ArrayLike | None = None,
+        focused: ArrayLike | None = None,
+    ) -> LensMap: ...
+    @staticmethod
+    def from_pictures(
+        field: ArrayLike,
+        behind: ArrayLike,
+        *,
+        in_front: ArrayLike | None = None,
+        focused: ArrayLike | None = None,
+        focused_size: float | None = None,
+        points: int = 65,
+    ) -> LensMap: ...
+    @staticmethod
+    def load(path: _Path) -> LensMap: ...
+    def save(self, /, path: _Path) -> None: ...
+    @property
+    def field(self, /) -> NDArray[np.float64]: ...
+    @property
+    def behind(self, /) -> NDArray[np.float64]: ...
+    @property
+    def in_front(self, /) -> NDArray[np.float64]: ...
+    @property
+    def focused(self, /) -> NDArray[np.float64]: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __hash__(self, /) -> int: ...
+    def __getnewargs_ex__(
+        self, /
+    ) -> tuple[tuple[NDArray[np.float64], NDArray[np.float64]], dict[str, Any]]: ...
+
 @type_check_only
 class _LensWords(TypedDict, total=False):
     aperture_radius: float
@@ -204,6 +243,10 @@ class _LensWords(TypedDict, total=False):
     axial_color: _Triple
     lateral_color: _Triple
     cat_eye: float
+    coma: float
+    astigmatism: float
+    barn_doors: _Triple | None
+    psf: LensMap | None
     vignetting: _Vignetting
     principal_point: _Pair
     sensor_mm: float | None
@@ -227,6 +270,10 @@ class Lens:
         axial_color: _Triple = ...,
         lateral_color: _Triple = ...,
         cat_eye: float = 0.0,
+        coma: float = 0.0,
+        astigmatism: float = 0.0,
+        barn_doors: _Triple | None = None,
+        psf: LensMap | None = None,
         vignetting: _Vignetting = "none",
         principal_point: _Pair = ...,
         sensor_mm: float | None = None,
@@ -253,6 +300,16 @@ class Lens:
         cy: float | None = None,
         height: int | None = None,
     ) -> Lens: ...
+    # An optiland.optic.Optic, which need not be installed.
+    @staticmethod
+    def from_optiland(
+        optic: Any,
+        *,
+        focus_distance: float,
+        half_diagonal_mm: float,
+        field: ArrayLike | None = None,
+        points: int = 65,
+    ) -> Lens: ...
     # A mitsuba.Sensor, a dict or a path; Mitsuba need not be installed.
     @staticmethod
     def from_mitsuba(sensor: Any) -> Lens: ...
@@ -268,6 +325,10 @@ class Lens:
         axial_color: _Triple = ...,
         lateral_color: _Triple = ...,
         cat_eye: float = 0.0,
+        coma: float = 0.0,
+        astigmatism: float = 0.0,
+        barn_doors: _Triple | None = None,
+        psf: LensMap | None = None,
         vignetting: _Vignetting = "none",
         principal_point: _Pair = ...,
     ) -> Lens: ...
@@ -297,6 +358,14 @@ class Lens:
     def lateral_color(self, /) -> _Triple: ...
     @property
     def cat_eye(self, /) -> float: ...
+    @property
+    def coma(self, /) -> float: ...
+    @property
+    def astigmatism(self, /) -> float: ...
+    @property
+    def barn_doors(self, /) -> _Triple | None: ...
+    @property
+    def psf(self, /) -> LensMap | None: ...
     @property
     def vignetting(self, /) -> _Vignetting: ...
     @property

@@ -51,7 +51,8 @@ def vjp(
     depth : ndarray
         What each pixel sees, shape (H, W).
     lens : Lens
-        The lens, without `axial_color`, `lateral_color` and `breathing_focal_length_mm`.
+        The lens, without `axial_color`, `lateral_color`, `breathing_focal_length_mm`, `coma`, `astigmatism`,
+        `barn_doors` and `psf`.
     cotangent : ndarray
         The weights: an array of the shape of the rendered picture.
     wrt : str or sequence of str, optional

@@ -31,6 +31,10 @@ FURTHER_WORDS = (
     "axial_color",
     "lateral_color",
     "cat_eye",
+    "coma",
+    "astigmatism",
+    "barn_doors",
+    "psf",
     "vignetting",
     "principal_point",
     "sensor_mm",
@@ -209,6 +213,8 @@ def make_lens(words: Mapping[str, Any]) -> dofsim.Lens:
     # TOML and JSON have lists where Python's words are tuples.
     words = {word: tuple(value) if isinstance(value, list) else value for word, value in words.items()}
     further = {word: value for word, value in words.items() if word in FURTHER_WORDS}
+    if isinstance(further.get("psf"), str):
+        further["psf"] = dofsim.LensMap.load(further["psf"])
     words = {word: value for word, value in words.items() if word not in further}
     if alien := [word for word in words if word not in known]:
         given = [word for word in known if word in words and word not in FOCUS_WORDS]

@@ -284,8 +284,27 @@ impl Aperture {
 
     /// The positions in the opening itself of the rays of [`Aperture::lens_points`].
     pub fn pupil_points(&self, n: usize) -> Vec<[f64; 2]> {
+        self.unaberrated().lens_points(n, Side::Behind)
+    }
+
+    /// The lens point through which the ray through a point of the opening seems to come, for surfaces on one side of the
+    /// focus. Points on a ray from the middle keep the light between them and the middle.
+    pub fn lens_point(&self, pupil: [f64; 2], side: Side) -> [f64; 2] {
+        let l = self.unsqueezed(pupil);
+        let Shape::Outline(outline) = &self.shape else { return self.placed(l) };
+        let rho = outline.rim_fraction(l).min(1.0);
+        if self.profile.spherical == 0.0 || rho <= self.profile.hole {
+            return self.placed(l);
+        }
+        let own = Profile { spherical: 0.0, ..self.profile };
+        let moved = self.profile.quantile(own.light_within(rho), side) / rho;
+        self.placed(l.map(|v| moved * v))
+    }
+
+    /// The opening itself, of the light that passes it: without what the focus plane and aberrations make of it.
+    pub fn unaberrated(&self) -> Aperture {
         let profile = Profile { spherical: 0.0, ..self.profile };
-        Aperture { profile, lean: [0.0; 2], ..self.clone() }.lens_points(n, Side::Behind)
+        Aperture { profile, lean: [0.0; 2], ..self.clone() }
     }
 
     /// `n` points of equal weight over the opening, for surfaces on one side of the focus: a Fibonacci (Kronecker)

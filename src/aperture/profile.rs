@@ -73,6 +73,12 @@ impl Profile {
         }
     }
 
+    /// The fraction of the light that passes within `rho`.
+    pub fn light_within(&self, rho: f64) -> f64 {
+        // Without spherical aberration both sides are alike.
+        self.mass(rho, Side::Behind) / self.mass(1.0, Side::Behind)
+    }
+
     /// The `rho` within which the fraction `u` of the light passes.
     pub fn quantile(&self, u: f64, side: Side) -> f64 {
         let (hole, rim) = (self.hole * self.hole, 1.0);

@@ -95,6 +95,7 @@ impl Exposure<'_> {
         for (is_there, words) in [
             (imaging.is_axially_chromatic(), "axial_color"),
             (imaging.is_magnified(), "lateral_color and breathing_focal_length_mm"),
+            (imaging.transverse.is_some(), "coma, astigmatism, barn_doors and psf"),
         ] {
             if is_there {
                 return Err(value_error!("gradients are for a lens without {words}"));

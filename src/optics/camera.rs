@@ -62,7 +62,8 @@ impl Lens {
     /// implies.
     pub fn breathing(self) -> Result<Lens> {
         let focal_length_mm = self.focal_length_mm("breathing")?;
-        self.mounted(Mount { breathing_focal_length_mm: Some(focal_length_mm), ..self.mount })
+        let mount = self.mount;
+        self.mounted(Mount { breathing_focal_length_mm: Some(focal_length_mm), ..mount })
     }
 
     /// Aperture radius and focus distance in metres, and the distance in metres of the image behind the lens. `what`

@@ -4,6 +4,7 @@ use super::defocus::Optics;
 use super::disparity_map::{DisparityMap, MaxRadius};
 use super::lens::{Base, Lens, Strength};
 use super::surface::FocusSurface;
+use super::transverse::Transverse;
 use crate::depth::Rays;
 use crate::error::Result;
 
@@ -66,7 +67,7 @@ impl Falloff {
 }
 
 /// All properties of a lens that a frame needs.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Imaging {
     /// The thin lens on the axis.
     pub optics: Optics,
@@ -84,6 +85,8 @@ pub struct Imaging {
     pub second_stop: Option<SecondStop>,
     /// The falloff, if the picture darkens.
     pub falloff: Option<Falloff>,
+    /// Where rays land other than those of a thin lens, if they do.
+    pub transverse: Option<Transverse>,
 }
 
 impl Imaging {
@@ -93,7 +96,8 @@ impl Imaging {
         let surface = FocusSurface { centre: moved(self.surface.centre), ..self.surface };
         let second_stop = self.second_stop.map(|own| own.rows_from(y));
         let falloff = self.falloff.map(|own| Falloff { centre: moved(own.centre), ..own });
-        Imaging { surface, second_stop, falloff, ..*self }
+        let transverse = self.transverse.as_ref().map(|own| own.rows_from(y));
+        Imaging { surface, second_stop, falloff, transverse, ..self.clone() }
     }
 
     /// The map of the picture's disparity to that for which this is a plain lens.
@@ -206,6 +210,14 @@ impl Frame {
                 centre,
                 optical: vignetting.is_optical(),
                 natural_focal_px: focal_px.filter(|_| vignetting.is_natural()),
+            }),
+            transverse: aberrations.transverse().map(|_| Transverse {
+                centre,
+                half_diagonal_px: half_diagonal,
+                coma: aberrations.coma,
+                astigmatism: aberrations.astigmatism,
+                barn_doors: aberrations.barn_doors,
+                map: aberrations.psf.clone(),
             }),
         })
     }

@@ -1,6 +1,9 @@
 //! The lens as users describe it, checked once.
 
+use super::lens_map::LensMap;
+use super::transverse::BarnDoors;
 use crate::error::{Result, value_error};
+use std::sync::Arc;
 
 /// The side of the picture along which a field of view is measured, in Mitsuba's terms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -129,7 +132,7 @@ impl Vignetting {
 }
 
 /// Deviations from a thin lens.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Aberrations {
     /// Curvature of the image surface in 1/m: see [`FocusSurface`](super::FocusSurface).
     pub field_curvature: f64,
@@ -142,6 +145,14 @@ pub struct Aberrations {
     pub cat_eye: f64,
     /// Whether the picture darkens away from its centre.
     pub vignetting: Vignetting,
+    /// Length of comets in the corners, in half diagonals; see [`Transverse`](super::Transverse).
+    pub coma: f64,
+    /// Length of lines in the corners, in half diagonals.
+    pub astigmatism: f64,
+    /// A rectangular stop in front of the lens.
+    pub barn_doors: Option<BarnDoors>,
+    /// The lens as it was measured or traced.
+    pub psf: Option<Arc<LensMap>>,
 }
 
 impl Aberrations {
@@ -152,11 +163,26 @@ impl Aberrations {
         lateral_color: [0.0; 3],
         cat_eye: 0.0,
         vignetting: Vignetting::None,
+        coma: 0.0,
+        astigmatism: 0.0,
+        barn_doors: None,
+        psf: None,
     };
+
+    /// The name of the first aberration, if any, that makes rays land elsewhere than those of a thin lens, or stops some.
+    pub fn transverse(&self) -> Option<&'static str> {
+        let own = [
+            ("coma", self.coma != 0.0),
+            ("astigmatism", self.astigmatism != 0.0),
+            ("barn_doors", self.barn_doors.is_some()),
+            ("psf", self.psf.is_some()),
+        ];
+        own.into_iter().find(|(_, has)| *has).map(|(name, _)| name)
+    }
 }
 
 /// A lens.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Lens {
     /// A thin lens, or one over relative disparity.
     pub base: Base,
@@ -168,6 +194,9 @@ pub struct Lens {
     /// disparities. The focus of `base` is its middle in disparity.
     pub in_focus: Option<[f64; 2]>,
 }
+
+/// The longest comets and lines, in half diagonals.
+const LONGEST: f64 = 0.25;
 
 pub(super) fn positive(name: &str, value: f64, what: &str) -> Result<f64> {
     if value.is_finite() && value > 0.0 {
@@ -284,6 +313,31 @@ impl Lens {
                 aberrations.cat_eye
             ));
         }
+        within("coma", &[aberrations.coma], LONGEST, "a length in half diagonals of the picture")?;
+        within(
+            "astigmatism",
+            &[aberrations.astigmatism],
+            LONGEST,
+            "a length in half diagonals of the picture",
+        )?;
+        if let Some(BarnDoors { half, moves }) = aberrations.barn_doors {
+            let valid = half.iter().all(|v| (0.05..=100.0).contains(v)) && (0.0..=1.0).contains(&moves);
+            if !valid {
+                return Err(value_error!(
+                    "barn_doors must be half the width and half the height of the stop, from 0.05 to 100 radii of the \
+                     opening, and how far it moves, from 0 to 1 radius; got ({}, {}, {moves})",
+                    half[0],
+                    half[1]
+                ));
+            }
+        }
+        for (name, value) in [("coma", aberrations.coma), ("astigmatism", aberrations.astigmatism)] {
+            if aberrations.psf.is_some() && value != 0.0 {
+                return Err(value_error!(
+                    "{name} must be 0 with psf, which holds all aberrations; got {value}"
+                ));
+            }
+        }
         if aberrations.vignetting.is_optical() && aberrations.cat_eye == 0.0 {
             return Err(value_error!(
                 "vignetting={:?} keeps what cat_eye clips, and cat_eye is 0",
@@ -341,7 +395,7 @@ impl Lens {
                 Lens::from_disparity(strength, 0.5 * near + 0.5 * far)
             }
         }?;
-        let lens = lens.mounted(self.mount)?.with_aberrations(self.aberrations)?;
+        let lens = lens.mounted(self.mount)?.with_aberrations(self.aberrations.clone())?;
         Ok(Lens { in_focus: Some([near, far]), ..lens })
     }
 
@@ -361,7 +415,7 @@ impl Lens {
             }
             Base::Relative { strength, .. } => Lens::from_disparity(strength, d),
         }?;
-        lens.mounted(self.mount)?.with_aberrations(self.aberrations)
+        lens.mounted(self.mount)?.with_aberrations(self.aberrations.clone())
     }
 }
 
@@ -383,7 +437,7 @@ mod tests {
             (Lens::from_disparity(Strength::Percent(-1.0), 1.0), "strength_percent"),
             (thin(1.0).mounted(Mount { tilt_deg: [90.0, 0.0], ..Mount::PLAIN }), "tilt"),
             (thin(f64::INFINITY).mounted(tilted), "tilt"),
-            (relative.mounted(tilted), "tilt"),
+            (relative.clone().mounted(tilted), "tilt"),
             (thin(1.0).mounted(Mount { sensor_mm: Some(0.0), ..Mount::PLAIN }), "sensor_mm"),
             (thin(1.0).focused_over([0.0, 1.0]), "in_focus"),
             (thin(1.0).focused_over([2.0, 1.0]), "in_focus"),

@@ -127,7 +127,7 @@ impl Lens {
         }
         // g = -s d0, and s = (tan y, -tan x)
         let tilt_deg = [g[1] / on_axis, -g[0] / on_axis].map(|tan| tan.atan().to_degrees());
-        let upright = Lens { mount: Mount { tilt_deg: [0.0; 2], ..self.mount }, ..*self };
+        let upright = Lens { mount: Mount { tilt_deg: [0.0; 2], ..self.mount }, ..self.clone() };
         let focused = upright.focused_at_disparity(on_axis)?;
         focused.mounted(Mount { tilt_deg, ..self.mount })
     }

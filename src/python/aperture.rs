@@ -1,8 +1,8 @@
 //! `dofsim.Aperture`.
 
 use super::argument;
+use super::hash::hash_text;
 use super::lens::cameras::{of_camera, read_camera};
-use super::lens::hash_text;
 use super::samples::array;
 use crate::aperture::{Aperture, Picture};
 use crate::error::value_error;

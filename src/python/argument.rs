@@ -35,9 +35,9 @@ macro_rules! arguments {
 }
 
 arguments! {
-    aperture_radius apodization axial_color blades breathing_focal_length_mm cat_eye coc_limit_mm cx
-    cy depth_range f_number far field_curvature focal_length_mm focus focus_distance fov fx height in_focus
-    lateral_color layers max_coc_px max_gain near obstruction overscan principal_point radius_px ratio reference rotation roundness sensor_mm
+    aperture_radius apodization astigmatism axial_color barn_doors blades breathing_focal_length_mm cat_eye coc_limit_mm coma cx
+    cy depth_range f_number far field_curvature focal_length_mm focus focus_distance focused_size fov fx half_diagonal_mm height in_focus
+    lateral_color layers max_coc_px max_gain near obstruction overscan points principal_point radius_px ratio reference rotation roundness sensor_mm
     sensor_width_mm spherical strength_percent strength_px supersample threads tilt width x y z
 }
 

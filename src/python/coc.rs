@@ -26,7 +26,8 @@ use pyo3::prelude::*;
 /// Returns
 /// -------
 /// ndarray
-///     float32, the shape of `depth`. Positive behind the focus, negative in front of it; without axial colour.
+///     float32, the shape of `depth`. Positive behind the focus, negative in front of it; that of the thin lens, without
+///     axial colour, coma, astigmatism and a measured lens.
 ///
 /// Raises
 /// ------

@@ -85,7 +85,7 @@ fn read_lens(options: &mut Options) -> PyResult<Method> {
     {
         return Err(value_error!("views must be from 16 to 16384; got {n}").into());
     }
-    Ok(Method::Lens(lens::Settings { aperture: options.aperture(), samples: views, second_stop: None }))
+    Ok(Method::Lens(lens::Settings::new(options.aperture(), views)))
 }
 
 fn read_poisson(options: &mut Options) -> PyResult<Method> {

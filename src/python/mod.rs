@@ -10,10 +10,12 @@ mod depth;
 mod devices;
 mod errors;
 mod files;
+mod hash;
 mod holdout;
 mod input;
 mod invalid_color;
 mod lens;
+mod lens_map;
 mod methods;
 mod output;
 mod output_grid;
@@ -57,6 +59,8 @@ pub mod _dofsim {
     use super::lens::cameras::sensors;
     #[pymodule_export]
     use super::lens::focus::focusable_pixels;
+    #[pymodule_export]
+    use super::lens_map::PyLensMap;
     #[pymodule_export]
     use super::methods::methods_available;
     #[pymodule_export]

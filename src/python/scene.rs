@@ -61,6 +61,8 @@ pub struct PyScene {
     channels: Option<Channels>,
     grid: OutputGrid,
     device: Device,
+    /// The device as it was given.
+    device_name: String,
     kind: DepthKind,
     depth_arguments: (String, Option<f64>, Option<f64>, Option<[f64; 2]>),
     invalid: Invalid,
@@ -89,6 +91,18 @@ impl PyScene {
         let renderer = Arc::new(Renderer::new(picture, lights, carried, self.grid.supersample));
         *cached() = Some((rays, Arc::clone(&renderer)));
         Ok(renderer)
+    }
+
+    /// The device for these lenses: the CPU for those whose rays a GPU does not trace, for which "auto" stands here.
+    fn device_for(&self, lenses: &[Lens]) -> PyResult<Device> {
+        let name = lenses.iter().find_map(|lens| lens.aberrations.transverse());
+        match (name, self.device, &*self.device_name) {
+            (None, device, _) | (Some(_), device @ Device::Cpu, _) => Ok(device),
+            (Some(_), _, "auto") => Ok(Device::Cpu),
+            (Some(name), _, device) => Err(PyValueError::new_err(format!(
+                "device must be \"cpu\" or \"auto\" for a lens with {name}, which is not rendered on a GPU; got {device:?}"
+            ))),
+        }
     }
 
     /// The format and the size of what is given and rendered, and the factor by which that is brighter.
@@ -126,7 +140,7 @@ impl PyScene {
         let imaging = |lens| Ok(Imaging { max_radius: *max_radius, ..geometry.imaging(lens)? });
         let imagings: Vec<Imaging> = lenses.iter().map(imaging).collect::<crate::error::Result<_>>()?;
         let renderer = self.renderer(&lenses[0])?;
-        let (simd, device) = (simd()?, self.device);
+        let (simd, device) = (simd()?, self.device_for(lenses)?);
         let (format, size, brighter) = self.output();
         let output = Output {
             format,
@@ -179,6 +193,7 @@ impl PyScene {
         refine: bool,
     ) -> PyResult<PyScene> {
         let channels = ChannelArguments { guide, kinds };
+        let device_name = device.to_owned();
         let device = channels.device(device, || read_device(color.py(), device))?;
         let kind = read_depth_arguments(&DepthArguments { depth_kind, near, far, depth_range })?;
         let invalid = read_invalid(invalid)?;
@@ -201,6 +216,7 @@ impl PyScene {
             channels,
             grid,
             device,
+            device_name,
             kind,
             depth_arguments,
             invalid,

@@ -10,6 +10,7 @@ use super::widen;
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::optics::Optics;
+use crate::plan::lens::aberrated::{self, Aberrated};
 use crate::plan::lens::disc::Surface;
 use crate::plan::lens::footprint::Footprint;
 use crate::plan::lens::highlights::Highlights;
@@ -37,6 +38,7 @@ pub struct Frame<'a> {
     pub footprint: Footprint,
     pub in_focus: InFocus,
     pub missed: Missed,
+    pub aberrated: Option<Aberrated>,
     sample_sets: BTreeMap<usize, Vec<LensSample>>,
     pub simd: Simd,
     pub cancel: &'a Cancel,
@@ -58,8 +60,18 @@ impl<'a> Frame<'a> {
         cancel.check()?;
         let highlights = Highlights::new(scene, &plan, simd);
         cancel.check()?;
-        let Plan { s_focus, reach_px, padding, bounds, tiles, sample_sets, footprint, in_focus, missed } =
-            plan;
+        let Plan {
+            s_focus,
+            reach_px,
+            padding,
+            bounds,
+            tiles,
+            sample_sets,
+            footprint,
+            in_focus,
+            missed,
+            aberrated,
+        } = plan;
         let needed = tiles::needed(&padding, &bounds, &tiles);
         let padded = Padded::new(scene, padding, bounds, reach_px, &needed, simd);
         cancel.check()?;
@@ -81,6 +93,7 @@ impl<'a> Frame<'a> {
             footprint,
             in_focus,
             missed,
+            aberrated,
             sample_sets,
             simd,
             cancel,
@@ -150,9 +163,14 @@ impl<'a> Frame<'a> {
         let Frame { padded, s_focus, clip, .. } = self;
         let start = Start { padded, s_focus: *s_focus, origin: tile.origin, occupied, clip: clip.as_ref() };
         let samples = self.samples(samples);
+        let (rays, seen) = match &self.aberrated {
+            Some(lens) => aberrated::rays(lens, tile.origin, samples).into_iter().unzip(),
+            None => (Vec::new(), Vec::new()),
+        };
+        let samples = if self.aberrated.is_some() { &rays } else { samples };
         self.simd.run(
             #[inline(always)]
-            || segments.trace(&start, samples),
+            || segments.trace(&start, samples, &seen),
         );
     }
 }

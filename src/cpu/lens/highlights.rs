@@ -153,8 +153,7 @@ impl HighlightPass<'_> {
     /// The discs of the highlight of this number, with the parts of its light that they have in a tile.
     pub fn discs(&self, number: usize, tile: &Tile) -> impl Iterator<Item = Disc> + use<> {
         let highlight = &self.highlights.all[number];
-        // Exact discs hold nothing of highlights, a sweep the part that is not drawn.
-        let drawn = highlight.drawn + tile.disc_share() * (1.0 - highlight.drawn);
+        let drawn = (1.0 - highlight.aberrated) * highlight.drawn_in(tile);
         highlight
             .discs()
             .filter(move |_| drawn > 0.0)

@@ -3,6 +3,7 @@
 //! [`padded`] lays the layered scene out for one focus, [`culling`] bounds its depths, and each tile is
 //! [`in_focus`], an exact [`disc`], or a [`sweep`]. [`highlights`] are drawn over them.
 
+mod aberrated_highlights;
 mod adjoint;
 mod culling;
 mod dimming;
@@ -35,6 +36,7 @@ use crate::simd::Simd;
 pub use adjoint::{adjoint, by_pixel, of_shifts};
 pub use group::Input;
 
+use aberrated_highlights::AberratedLight;
 use frame::Frame;
 use group::Group;
 use in_focus::Composite;
@@ -68,6 +70,7 @@ pub fn render(
     }
     let gathers: Vec<disc::Gather> = groups.iter().map(|group| frame.gather(group)).collect();
     let pass = frame.highlight_pass();
+    let aberrated = AberratedLight::new(&frame, &groups)?;
     let Frame { padded, tiles, in_focus, missed, .. } = &frame;
 
     let channels: usize = groups.iter().map(|group| group.size.channels).sum();
@@ -93,19 +96,29 @@ pub fn render(
                         gather.tile(tile.origin, sums, color)?;
                     }
                 }
-                Work::Sweep { samples, occupied, disc } => {
+                Work::Sweep { samples, occupied, disc, in_focus: sharp } => {
                     frame.trace(segments, tile, *samples, occupied);
                     // SAFETY: the segments have just been traced there.
                     unsafe { sweep::sweep(simd, padded, segments, tile.origin, *missed, color) };
                     if *disc > 0.0 {
-                        for ((gather, color), exact) in gathers.iter().zip(&mut *color).zip(exact) {
+                        for ((gather, color), exact) in gathers.iter().zip(&mut *color).zip(&mut *exact) {
                             gather.tile(tile.origin, sums, exact)?;
                             color.mix(exact, *disc);
+                        }
+                    }
+                    if *sharp > 0.0 {
+                        for ((group, color), exact) in groups.iter().zip(&mut *color).zip(exact) {
+                            let planes = (group.size, &group.planes[..]);
+                            composite.tile(planes, &scene.layers, in_focus, tile.origin, exact);
+                            color.mix(exact, *sharp);
                         }
                     }
                 }
             }
             pass.draw(i, tile, &groups, discs, color);
+            if let Some(light) = &aberrated {
+                light.add_to(tile, color);
+            }
             for (y, row) in slot.rows.iter_mut().enumerate() {
                 if let [only] = &color[..] {
                     with_channels!(channels, C => interleave(only.row::<C>(y), row));

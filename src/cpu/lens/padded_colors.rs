@@ -122,9 +122,16 @@ impl Drawn<'_> {
                 continue;
             }
             let mut kappa = [0.0f32; CHUNK];
+            let mut spread = [0.0f32; CHUNK];
+            let spread = self.footprint.spread(y, chunk.start, &mut spread[..chunk.len()]);
             self.simd.run(
                 #[inline(always)]
-                || self.footprint.sharpening(&rows.row[chunk.clone()], self.s_focus, &mut kappa),
+                || match (&rows.row[chunk.clone()], spread) {
+                    (s, None) => self.footprint.sharpening(s, self.s_focus, &mut kappa),
+                    (s, Some(spread)) => {
+                        self.footprint.sharpening_of_spread(s, spread, self.s_focus, &mut kappa);
+                    }
+                },
             );
             let guided = self.guide.map(|_| self.guided(&band.guide, y, &chunk, &kappa));
             let plain = self.simd.run(

@@ -7,7 +7,7 @@ use crate::plan::lens::lens_samples::LensSample;
 use crate::plan::lens::optical_vignetting::{PupilClip, Seen};
 use crate::plan::lens::ray::Ray;
 use crate::scene::depth_bounds::{DepthBits, any_bin};
-use crate::scene::grid::BLOCK;
+use crate::scene::grid::{BLOCK, TILE};
 
 /// Rows of a tile that are swept together.
 pub const ROWS: usize = 2;
@@ -135,8 +135,15 @@ impl Segments {
         (step(number - 1).filter(|step| step.from == to), step(number + 1).filter(|step| step.to == from))
     }
 
-    /// Culls the segments for the part of the tile that begins at `place` in the padded frame.
-    pub fn cull(&mut self, patches: &PatchBounds, place: (usize, usize)) {
+    /// Whether some pixel of the part of the tile that begins at `(x, y)` sees sample number `sample`.
+    fn is_seen(seen: &[Seen], sample: usize, (x, y): (usize, usize)) -> bool {
+        let Some(rows) = seen.get(sample) else { return true };
+        rows[y..y + PART.1].iter().any(|row| (row >> x) as u32 != 0)
+    }
+
+    /// Culls the segments for the part of the tile that begins at `place` in the padded frame and at `at_tile` in the
+    /// tile.
+    pub fn cull(&mut self, patches: &PatchBounds, place: (usize, usize), at_tile: (usize, usize)) {
         let Segments { traced, ends, met, kept, unknown, seen, .. } = self;
         let entry = patches.entry(place);
         // There is room for all segments, so keeping one only increments a counter.
@@ -147,6 +154,10 @@ impl Segments {
         unknown.clear();
         let (mut start, mut n) = (0, 0);
         for (sample, &end) in ends.iter().enumerate() {
+            if !Self::is_seen(seen, sample, at_tile) {
+                start = end as usize;
+                continue;
+            }
             let (first, mut all) = (n, false);
             for Traced { segment, query, .. } in &traced[start..end as usize] {
                 let occupancy = patches.occupancy(entry, query);
@@ -168,19 +179,24 @@ impl Segments {
         }
     }
 
-    /// Traces every sample through the depths that occur, near to far.
+    /// Traces every sample through the depths that occur, near to far. `seen` has the pixels that follow each sample, and
+    /// is empty if all do.
     #[inline(always)]
-    pub fn trace(&mut self, start: &Start, samples: &[LensSample]) {
+    pub fn trace(&mut self, start: &Start, samples: &[LensSample], seen: &[Seen]) {
         self.traced.clear();
         self.ends.clear();
         self.seen.clear();
         self.steps.clear();
         let runs = runs(start.occupied);
-        for sample in samples {
+        for (i, sample) in samples.iter().enumerate() {
             self.steps.push(None);
+            let followed = seen.get(i).copied();
             if let Some(clip) = start.clip {
-                let Some(seen) = clip.pixels_seeing(sample.pupil, start.origin) else { continue };
-                self.seen.push(seen);
+                let Some(unclipped) = clip.pixels_seeing(sample.pupil, start.origin) else { continue };
+                let followed = followed.unwrap_or([u64::MAX; TILE.1]);
+                self.seen.push(std::array::from_fn(|y| unclipped[y] & followed[y]));
+            } else if let Some(followed) = followed {
+                self.seen.push(followed);
             }
             for &(first_bin, end_bin) in runs.iter().rev() {
                 let (near, far) = ((end_bin * 256).min(usize::from(u16::MAX)), (first_bin * 256).max(1));

@@ -79,16 +79,40 @@ impl<'a> Shadows<'a> {
         origin: (usize, usize),
         padded: &'a Padded,
     ) -> Shadows<'a> {
+        let in_tile = [middle.x - origin.0 as i32, middle.y - origin.1 as i32];
+        let sign = if middle.t < 0.0 { 1 } else { -1 };
+        Shadows::over(cluster, middle, middle.drawn_px().abs(), (in_tile, sign), padded)
+    }
+
+    /// The shadows on the opening itself, divided into cells of which `radius` are in a row from the middle to the rim, as
+    /// on the pixels of a tile. The middle of the opening is at `in_tile`.
+    pub fn on_opening(
+        cluster: &'a Cluster,
+        middle: &Highlight,
+        radius: i32,
+        in_tile: [i32; 2],
+        padded: &'a Padded,
+    ) -> Shadows<'a> {
+        Shadows::over(cluster, middle, f64::from(radius), (in_tile, 1), padded)
+    }
+
+    /// The shadows on a grid with so many steps along the radius of the opening.
+    fn over(
+        cluster: &'a Cluster,
+        middle: &Highlight,
+        shift_px: f64,
+        (in_tile, sign): ([i32; 2], i32),
+        padded: &'a Padded,
+    ) -> Shadows<'a> {
         let (px_per_code, pad) = (padded.codes.step(), padded.padding.pad as i32);
-        let shift_px = middle.drawn_px().abs();
         let hiding = f64::from(cluster.span[1]) + f64::from(SAME_SURFACE_PX) / px_per_code;
         Shadows {
             padded,
             cluster,
             layer: middle.layer,
             place: [middle.x + pad, middle.y + pad],
-            in_tile: [middle.x - origin.0 as i32, middle.y - origin.1 as i32],
-            sign: if middle.t < 0.0 { 1 } else { -1 },
+            in_tile,
+            sign,
             code: f32::from(cluster.code),
             own_span_px: (f64::from(cluster.span[1] - cluster.span[0]) * px_per_code) as f32,
             hiding: hiding.min(f64::from(u16::MAX)) as u16,

@@ -79,6 +79,9 @@ unsafe fn sweep_rows<L: Lanes, const C: usize>(
             if !segments.seen.is_empty() {
                 let seen = segments.seen_by(sample as usize, at_tile);
                 waiting = [L::mask(seen[0]), L::mask(seen[1])];
+                if L::is_none(L::union(waiting[0], waiting[1])) {
+                    continue;
+                }
             }
             for segment in kept {
                 let layer = layers.get_unchecked(segment.layer as usize);
@@ -380,7 +383,7 @@ fn visit_pixels<L: Lanes>(
 ) {
     for (x, part_y) in parts() {
         let place = (origin.0 + padded.padding.pad + x, origin.1 + padded.padding.pad + part_y);
-        segments.cull(&padded.patches, place);
+        segments.cull(&padded.patches, place, (x, part_y));
         let columns = || (x..x + PART.0).step_by(L::CELLS);
         let rows = (part_y..part_y + PART.1).step_by(ROWS);
         for (x, y) in rows.flat_map(|y| columns().map(move |x| (x, y))) {
@@ -518,7 +521,7 @@ pub unsafe fn visit_tile(
 /// # Safety
 ///
 /// The segments were traced in `padded`, from the tile at `origin`: the padding is at least as wide as the largest
-/// shift plus the half pixel of a ray's start, so that every segment stays inside.
+/// shift plus the offset of rays in focus and the half pixel of a ray's start, so that every segment stays inside.
 pub unsafe fn sweep(
     simd: Simd,
     padded: &Padded,

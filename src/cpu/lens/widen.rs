@@ -2,7 +2,7 @@
 
 use crate::memory::Buffer;
 use crate::picture::Size;
-use crate::plan::lens::footprint::{Footprint, MAX_WEIGHT, NEXT_CELLS, REACHES};
+use crate::plan::lens::footprint::{Footprint, MAX_WEIGHT, NEXT_CELLS, REACHES, together};
 use crate::rows::bands;
 use crate::scene::colors::Colors;
 use crate::scene::edges::CONNECTED_PX;
@@ -33,9 +33,20 @@ impl<'a> Widening<'a> {
             return None;
         }
         let shift = |s: f32| (f64::from(s) - s_focus) as f32;
-        let wanted = Buffer::of_each(&layer.s, |&s| {
-            if s.is_nan() { 0.0 } else { (footprint.variance(shift(s)) - NEXT_CELLS).max(0.0) }
-        });
+        let wanted_at = |s: f32, spread: f32| {
+            let variance = footprint.variance(together(shift(s), spread));
+            if s.is_nan() { 0.0 } else { (variance - NEXT_CELLS).max(0.0) }
+        };
+        let mut wanted = Buffer::unset(layer.s.len());
+        let rows = wanted.par_chunks_mut(size.width).zip(layer.s.par_chunks(size.width));
+        rows.enumerate().for_each_init(
+            || vec![0.0; size.width],
+            |spread, (y, (wanted, s))| {
+                footprint.spread(y, 0, spread);
+                let cells = wanted.iter_mut().zip(s).zip(&*spread);
+                cells.for_each(|((wanted, &s), &spread)| *wanted = wanted_at(s, spread));
+            },
+        );
         let most = wanted.par_iter().copied().reduce(|| 0.0, f32::max);
         Some(Widening { s: &layer.s, wanted, most, size })
     }

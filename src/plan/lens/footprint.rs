@@ -4,6 +4,8 @@
 //! samples are so sparse that the positions at which a cell is drawn come apart, cells are widened along their own
 //! surface instead, so that texture finer than the spacing of the samples does not turn into noise.
 
+use super::aberrated::Reaches;
+
 /// Standard deviation of a cell's footprint, as a fraction of the distance between the positions at which `samples` lens
 /// samples draw it.
 ///
@@ -89,14 +91,18 @@ pub fn guided<const L: usize>(kappa: f32, own: [f32; L], other: [f32; L]) -> f32
 /// The variance to add to a cell as a function of its shift; negative where blur is to be undone.
 pub struct Footprint {
     table: Vec<f32>,
+    /// Set if the lens spreads what is in focus as well.
+    spread: Option<Reaches>,
 }
 
 impl Footprint {
     /// The footprint for `samples(t)` lens samples that draw a cell of shift `t` at positions `spacing(t)` pixels apart.
+    /// Where aberrations spread a cell, it is drawn as one of a larger shift.
     pub fn new(
         max_shift_px: f64,
         samples: impl Fn(f64) -> usize,
         spacing: impl Fn(f64, usize) -> f64,
+        spread: Option<Reaches>,
     ) -> Footprint {
         let entries = (max_shift_px as f32 * STEPS_PER_PX) as usize + 2;
         let until_even = (EVEN_PX as f32 * STEPS_PER_PX) as usize + 1;
@@ -111,7 +117,14 @@ impl Footprint {
                 deviation.powi(2) as f32 - undone
             })
             .collect();
-        Footprint { table }
+        Footprint { table, spread }
+    }
+
+    /// The spread of cells `x ..` of row `y` in focus, as the radius of a disc; `None` if there is none anywhere.
+    pub fn spread<'a>(&self, y: usize, x: usize, into: &'a mut [f32]) -> Option<&'a [f32]> {
+        let spread = self.spread.as_ref()?;
+        spread.spread_px(y, x, into);
+        Some(into)
     }
 
     /// The variances, [`STEPS_PER_PX`] per pixel of shift, from shift 0 on.
@@ -139,12 +152,28 @@ impl Footprint {
     #[inline(always)]
     pub fn sharpening(&self, s: &[f32], s_focus: f64, kappa: &mut [f32]) {
         for (kappa, &s) in kappa.iter_mut().zip(s) {
-            let variance = self.variance((f64::from(s) - s_focus) as f32);
-            *kappa = if s.is_nan() {
-                0.0
-            } else {
-                -0.5 * if variance < NEXT_CELLS { variance } else { NEXT_CELLS }
-            };
+            *kappa = self.factor(s, (f64::from(s) - s_focus) as f32);
         }
     }
+
+    /// The same for cells that are [spread](Footprint::spread) in focus.
+    #[inline(always)]
+    pub fn sharpening_of_spread(&self, s: &[f32], spread: &[f32], s_focus: f64, kappa: &mut [f32]) {
+        for ((kappa, &s), &spread) in kappa.iter_mut().zip(s).zip(spread) {
+            *kappa = self.factor(s, together((f64::from(s) - s_focus) as f32, spread));
+        }
+    }
+
+    #[inline(always)]
+    fn factor(&self, s: f32, t: f32) -> f32 {
+        let variance = self.variance(t);
+        if s.is_nan() { 0.0 } else { -0.5 * if variance < NEXT_CELLS { variance } else { NEXT_CELLS } }
+    }
+}
+
+/// The radius of a disc with the variance of one of shift `t` and of one of radius `spread`. Aberrations of third order
+/// are uncorrelated with defocus, so that their variances add up.
+#[inline(always)]
+pub fn together(t: f32, spread: f32) -> f32 {
+    (t * t + spread * spread).sqrt()
 }

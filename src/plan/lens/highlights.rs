@@ -6,9 +6,10 @@
 //!
 //! Beyond the border of the frame, the mirror image stands in for the surroundings. It has no highlights.
 
+use super::aberrated::Aberrated;
 use super::disc;
 use super::in_focus::IN_FOCUS_PX;
-use super::tiles::Work;
+use super::tiles::{Tile, Work};
 use super::{Plan, padding::Padding};
 use crate::scene::colors::CellColor;
 use crate::scene::depth_codes::DepthCodes;
@@ -64,18 +65,38 @@ pub struct Highlight {
     pub share: f32,
     /// The part of its light that is not swept.
     pub drawn: f32,
+    /// The part of what is drawn that an aberrated lens draws: not as a disc.
+    pub aberrated: f32,
+    /// No light of it lands farther away than this, and aberrations included it has about this radius.
+    pub radius_px: f64,
 }
 
 impl Highlight {
-    fn new(layer: usize, (x, y): (usize, usize), t: f64, bright: &Bright, lights: usize) -> Highlight {
+    fn new(
+        layer: usize,
+        (x, y): (usize, usize),
+        t: f64,
+        bright: &Bright,
+        lights: usize,
+        lens: Option<&Aberrated>,
+    ) -> Highlight {
+        let bounds = lens.map(|lens| lens.at([x as f64, y as f64]).bounds());
+        let aberrated = bounds.map_or(0.0, |bounds| 1.0 - bounds.thin(t.abs()));
+        let radius_px = t.abs() + bounds.map_or(0.0, |bounds| bounds.offset_px);
         let position = disc::position_of(t);
         let first = position.floor();
         let steps = [first as i32, position.ceil() as i32];
-        let (share, drawn) = ((position - first) as f32, drawn_part(t));
+        let (share, drawn) = ((position - first) as f32, drawn_part(radius_px));
         let (outshining, area) = (bright.outshining(lights), bright.area);
         let excess = bright.excess.map(|e| area * e);
         let (x, y) = (x as i32, y as i32);
-        Highlight { x, y, layer, t, excess, outshining, area, steps, share, drawn }
+        Highlight { x, y, layer, t, excess, outshining, area, steps, share, drawn, aberrated, radius_px }
+    }
+
+    /// The part of its light that is drawn in a tile. Exact discs hold nothing of highlights, a sweep the part that is not
+    /// drawn, and what is as in focus all.
+    pub fn drawn_in(&self, tile: &Tile) -> f32 {
+        self.drawn + tile.disc_share() * (1.0 - self.drawn) - tile.share_in_focus() * self.drawn
     }
 
     /// No pixel of the disc is farther from the highlight's own than this, along either axis.
@@ -98,7 +119,7 @@ impl Highlight {
     /// The cluster to which it belongs: cells of one layer, in a square and in a range of shifts of a side that grows
     /// with the radius in powers of two.
     fn cluster(&self) -> (usize, u32, [i32; 3]) {
-        let level = (SIDE * self.t.abs()).max(1.0).log2() as u32;
+        let level = (SIDE * self.radius_px).max(1.0).log2() as u32;
         let side = 1 << level;
         let slice = (self.t / f64::from(side)).floor() as i32;
         (self.layer, level, [slice, self.y.div_euclid(side), self.x.div_euclid(side)])
@@ -145,9 +166,12 @@ impl Highlights {
             let bright = || bright.iter().filter(|bright| !s[bright.index].is_nan());
             found.dimmed.push(bright().map(|b| b.with(0.0)).collect());
             let t = |b: &Bright| f64::from(s[b.index]) - plan.s_focus;
-            swept.push(bright().map(|b| b.with(1.0 - drawn_part(t(b)))).collect::<Vec<_>>());
             let place = |b: &Bright| (b.index % width, b.index / width);
-            found.all.extend(bright().map(|b| Highlight::new(i, place(b), t(b), b, lights)));
+            let lens = plan.aberrated.as_ref();
+            let first = found.all.len();
+            found.all.extend(bright().map(|b| Highlight::new(i, place(b), t(b), b, lights, lens)));
+            let own = bright().zip(&found.all[first..]);
+            swept.push(own.map(|(b, h)| b.with(1.0 - h.drawn)).collect::<Vec<_>>());
         }
         found.swept = found.all.iter().any(|h| h.drawn < 1.0).then_some(swept);
         found.all.par_sort_by_key(Highlight::cluster);
@@ -166,6 +190,9 @@ impl Highlights {
         self.by_tile = vec![Vec::new(); plan.tiles.len()];
         for (i, cluster) in self.clusters.iter().enumerate() {
             let members = &self.all[cluster.members.clone()];
+            if members.iter().all(|h| h.aberrated == 1.0) {
+                continue;
+            }
             let range = |of: fn(&Highlight) -> i32, side: usize, n: usize| {
                 let first = members.iter().map(|h| of(h) - h.reach()).min().unwrap_or(0);
                 let last = members.iter().map(|h| of(h) + h.reach()).max().unwrap_or(-1);
@@ -184,7 +211,8 @@ impl Highlights {
 
     /// The radius steps of all discs.
     pub fn keys(&self) -> impl Iterator<Item = i32> + '_ {
-        self.all.iter().flat_map(|h| h.steps).map(|step| step * disc::APART)
+        let discs = self.all.iter().filter(|h| h.aberrated < 1.0);
+        discs.flat_map(|h| h.steps).map(|step| step * disc::APART)
     }
 
     /// The clusters that reach a tile.

@@ -27,7 +27,7 @@ pub fn steps_per_px(t: f64) -> f64 {
 }
 
 /// The shift of a radius step.
-fn shift(key: i32) -> f64 {
+pub fn shift(key: i32) -> f64 {
     let steps = f64::from(key.abs());
     let r =
         if steps < SMALL_PX * FINE { steps / FINE } else { SMALL_PX + (steps - SMALL_PX * FINE) / COARSE };

@@ -18,8 +18,10 @@ pub struct LensSample {
     pub behind: [f64; 2],
     /// The point at which the ray passes the opening itself; the second stop clips by this point.
     pub pupil: [f64; 2],
-    /// Start of the ray relative to the pixel's centre, within half a pixel.
+    /// Start of the ray relative to the pixel's centre: within half a pixel, but for [aberrations](super::aberrated).
     pub start: [f64; 2],
+    /// Two numbers from 0 to 1 by which pixels decide between neighbouring [fields](super::aberrated::rays).
+    pub pick: [f64; 2],
 }
 
 /// The number of samples that a disc of radius `r_px` needs.
@@ -42,11 +44,18 @@ pub fn spacing_px(t_px: f64, area: f64, n: usize) -> f64 {
 pub fn lens_samples(aperture: &Aperture, n: usize) -> Vec<LensSample> {
     const PLASTIC: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
     let start = |i: usize| PLASTIC.map(|a| (0.5 + (i + 1) as f64 * a).fract() - 0.5);
+    // Roots of two and three are related neither to each other nor to the plastic number and the golden ratio.
+    let pick = |i: usize| [2.0f64.sqrt(), 3.0f64.sqrt()].map(|a| (0.5 + (i + 1) as f64 * a).fract());
     let in_front = aperture.lens_points(n, Side::InFront);
     let behind = if aperture.has_sides() { aperture.lens_points(n, Side::Behind) } else { in_front.clone() };
     let pupil = aperture.pupil_points(n);
-    let sample =
-        |i: usize| LensSample { in_front: in_front[i], behind: behind[i], pupil: pupil[i], start: start(i) };
+    let sample = |i: usize| LensSample {
+        in_front: in_front[i],
+        behind: behind[i],
+        pupil: pupil[i],
+        start: start(i),
+        pick: pick(i),
+    };
     let mut samples: Vec<LensSample> = (0..n).map(sample).collect();
     // Neighbouring samples look up nearly the same cells. In sequence, these are still in the first-level cache, so
     // samples are ordered to and fro along strips; there are about as many strips as samples in a strip.

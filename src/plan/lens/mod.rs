@@ -1,5 +1,6 @@
 //! The plan of the flagship for one focus. It is made from depths alone, and both devices carry it out.
 
+pub(crate) mod aberrated;
 pub(crate) mod disc;
 pub(crate) mod footprint;
 pub(crate) mod highlights;
@@ -9,14 +10,16 @@ pub(crate) mod lens_samples;
 pub(crate) mod optical_vignetting;
 pub(crate) mod padded_bounds;
 pub(crate) mod padding;
+pub(crate) mod point_image;
 pub(crate) mod ray;
 pub(crate) mod tiles;
 
 use crate::aperture::Aperture;
 use crate::error::Result;
-use crate::optics::{Imaging, Optics, SecondStop};
+use crate::optics::{Imaging, Optics, SecondStop, Transverse};
 use crate::scene::depth_bounds::DepthBounds;
 use crate::scene::layered::LayeredScene;
+use aberrated::{Aberrated, Bounds, Reaches};
 use footprint::Footprint;
 use in_focus::InFocus;
 use lens_samples::LensSample;
@@ -34,18 +37,26 @@ pub struct Settings {
     pub samples: Option<usize>,
     /// The second stop of the lens, if it clips anything.
     pub second_stop: Option<SecondStop>,
+    /// The aberrations of the lens that change where rays land, if it has any.
+    pub aberrated: Option<Aberrated>,
 }
 
 impl Settings {
-    /// The lens and the opening, adapted to the focus surface and to the second stop.
+    /// These choices for a thin lens.
+    pub fn new(aperture: Aperture, samples: Option<usize>) -> Settings {
+        Settings { aperture, samples, second_stop: None, aberrated: None }
+    }
+
+    /// The lens and the opening, adapted to the focus surface, to the second stop and to aberrations.
     pub(crate) fn leaning(&self, imaging: &Imaging, optics: &Optics) -> Result<(Optics, Settings)> {
-        let (lean, stronger) = imaging.surface.leaning(optics.k)?;
-        let settings = Settings {
-            aperture: self.aperture.leaning(lean),
-            samples: self.samples,
-            second_stop: imaging.second_stop,
-        };
-        Ok((Optics { k: optics.k * stronger, ..*optics }, settings))
+        // Lens points stay within the unit disc.
+        let k = optics.k * imaging.transverse.as_ref().map_or(1.0, Transverse::widest);
+        let (lean, stronger) = imaging.surface.leaning(k)?;
+        let aperture = self.aperture.leaning(lean);
+        let aberrated = imaging.transverse.as_ref().map(|own| Aberrated::new(own.clone(), &aperture));
+        let settings =
+            Settings { aperture, samples: self.samples, second_stop: imaging.second_stop, aberrated };
+        Ok((Optics { k: k * stronger, ..*optics }, settings))
     }
 
     /// The clipping of the opening that the falloff needs, if there is a second stop.
@@ -90,6 +101,8 @@ pub struct Plan {
     pub in_focus: InFocus,
     /// What rays that meet no cell contribute.
     pub missed: Missed,
+    /// The aberrations, if the lens has any.
+    pub aberrated: Option<Aberrated>,
 }
 
 impl Plan {
@@ -108,7 +121,10 @@ impl Plan {
         };
         let area = settings.aperture.relative_area();
         let reach_px = reach_px(scene, s_focus);
-        let padding = Padding::new(scene.size.width, scene.size.height, reach_px);
+        let aberrated = settings.aberrated.clone();
+        let reaches = aberrated.as_ref().map(|own| Reaches::new(own, (scene.size.width, scene.size.height)));
+        let all = reaches.as_ref().map_or(Bounds::default(), Reaches::all);
+        let padding = Padding::new(scene.size.width, scene.size.height, reach_px + all.offset_px);
         let bounds = padded_bounds::padded(&scene.bounds, &padding);
         let inputs = tiles::Inputs {
             padding: &padding,
@@ -116,14 +132,28 @@ impl Plan {
             bounds: &bounds,
             s_focus,
             second_stop: settings.second_stop.as_ref(),
+            reaches: reaches.as_ref(),
             works,
         };
         let tiles = tiles::plan(&inputs, count_samples);
         let sample_sets = sample_sets(&tiles, &settings.aperture);
-        let footprint = Footprint::new(reach_px, count_samples, |t, n| lens_samples::spacing_px(t, area, n));
+        let largest_px = reach_px.hypot(all.spread_px);
+        let spacing = |t, n| lens_samples::spacing_px(t, area, n);
+        let footprint = Footprint::new(largest_px, count_samples, spacing, reaches);
         let in_focus = InFocus::new(&settings.aperture, s_focus);
         let missed = if scene.opaque { Missed::Unknown } else { Missed::Nothing };
-        Plan { s_focus, reach_px, padding, bounds, tiles, sample_sets, footprint, in_focus, missed }
+        Plan {
+            s_focus,
+            reach_px,
+            padding,
+            bounds,
+            tiles,
+            sample_sets,
+            footprint,
+            in_focus,
+            missed,
+            aberrated,
+        }
     }
 }
 

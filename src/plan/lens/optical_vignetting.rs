@@ -81,12 +81,17 @@ impl PupilClip {
     /// The weight of lens point `l` for a pixel, relative to a pixel that sees the whole opening. It is zero beyond
     /// the stop, whose rim is as soft as a pixel. The opening is drawn `t` pixels large. Where it is inside its own
     /// pixel, that pixel has all of its light.
-    pub fn share(&self, [x, y]: [f64; 2], l: [f64; 2], t: f64) -> f64 {
+    pub fn share(&self, place: [f64; 2], l: [f64; 2], t: f64) -> f64 {
+        self.share_of_pupil(place, self.aperture.pupil(l), t)
+    }
+
+    /// The same for a point of the opening itself.
+    pub fn share_of_pupil(&self, [x, y]: [f64; 2], pupil: [f64; 2], t: f64) -> f64 {
         let beyond_pixel = (t.abs() - 0.5).clamp(0.0, 1.0);
         if beyond_pixel == 0.0 {
             return 1.0;
         }
-        let (pupil, stop) = (self.aperture.pupil(l), self.second_stop.stop(x, y));
+        let stop = self.second_stop.stop(x, y);
         // A pixel on the rim of the lens itself is evaluated half a pixel inside, where its light is: only the rim of
         // the second stop is to be softened, not both rims.
         let innermost = (1.0 - 0.5 / t.abs()).max(0.0) / pupil[0].hypot(pupil[1]).max(1e-9);

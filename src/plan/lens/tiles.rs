@@ -1,5 +1,6 @@
 //! The work that each tile of the frame needs: next to none in focus, an exact disc, or the full sweep over the lens.
 
+use super::aberrated::{Bounds, Reaches};
 use super::in_focus::IN_FOCUS_PX;
 use super::padding::Padding;
 use crate::optics::SecondStop;
@@ -40,6 +41,8 @@ pub enum Work {
         occupied: DepthBits,
         /// The share of exact discs in the result.
         disc: f32,
+        /// The share of what is as in a tile in focus.
+        in_focus: f32,
     },
 }
 
@@ -48,7 +51,8 @@ pub enum Work {
 pub struct Tile {
     /// Left column and top row in the frame.
     pub origin: (usize, usize),
-    /// Radius of the largest disc that reaches the tile, in pixels.
+    /// No ray of the tile goes farther, in pixels: the radius of the largest disc that reaches it, and the offset of rays
+    /// in focus.
     pub reach_px: f64,
     /// How the tile is rendered.
     pub work: Work,
@@ -61,6 +65,15 @@ impl Tile {
             Work::InFocus => 0.0,
             Work::Disc => 1.0,
             Work::Sweep { disc, .. } => disc,
+        }
+    }
+
+    /// The share of what is as in a tile in focus.
+    pub fn share_in_focus(&self) -> f32 {
+        match self.work {
+            Work::InFocus => 1.0,
+            Work::Disc => 0.0,
+            Work::Sweep { in_focus, .. } => in_focus,
         }
     }
 }
@@ -88,6 +101,8 @@ pub struct Inputs<'a> {
     /// Set if the second stop clips the opening differently for each pixel: then no disc is the same for a whole
     /// tile.
     pub second_stop: Option<&'a SecondStop>,
+    /// Set if the lens has aberrations that change where rays land.
+    pub reaches: Option<&'a Reaches>,
     pub works: Works,
 }
 
@@ -107,7 +122,7 @@ fn blocks_around(
 
 /// Plans every tile. `count_samples` gives the number of samples for the radius of the largest disc.
 pub fn plan(inputs: &Inputs, count_samples: impl Fn(f64) -> usize + Sync) -> Vec<Tile> {
-    let Inputs { padding, codes, bounds, s_focus, second_stop, works } = *inputs;
+    let Inputs { padding, codes, bounds, s_focus, second_stop, reaches, works } = *inputs;
     let shift = |code: u16| codes.decode(f64::from(code)) - s_focus;
     let block_reach: Vec<f64> = bounds
         .range
@@ -123,16 +138,18 @@ pub fn plan(inputs: &Inputs, count_samples: impl Fn(f64) -> usize + Sync) -> Vec
         let (x1, y1) = (x0 + TILE.0, y0 + TILE.1);
         let mut occupied = [0u64; 4];
         let (mut reach, mut steepest) = (0.0f64, Some(0u16));
-        for (bx, by) in blocks_around(padding, origin, largest as usize + 2) {
+        let aberrations = reaches.map_or(Bounds::default(), |reaches| reaches.of_tile(origin));
+        let offset = aberrations.offset_px;
+        for (bx, by) in blocks_around(padding, origin, (largest + offset) as usize + 2) {
             let b = by * bounds.across + bx;
             let gap = |lo: usize, hi: usize, b: usize| {
                 lo.saturating_sub((b + 1) * BLOCK - 1).max((b * BLOCK).saturating_sub(hi - 1)) as f64
             };
             let distance = gap(x0, x1, bx).hypot(gap(y0, y1, by));
-            if distance > block_reach[b] + 1.5 {
+            if distance > block_reach[b] + offset + 1.5 {
                 continue;
             }
-            let mask = &masks[(distance as usize).min(masks.len() - 1)];
+            let mask = &masks[((distance - offset).max(0.0) as usize).min(masks.len() - 1)];
             for bits in &bounds.occupied[b * bounds.layers..][..bounds.layers] {
                 for i in 0..4 {
                     occupied[i] |= bits[i] & mask[i];
@@ -146,13 +163,17 @@ pub fn plan(inputs: &Inputs, count_samples: impl Fn(f64) -> usize + Sync) -> Vec
             let tilt_px = f64::from(codes_per_px) * codes.step() * reach;
             ((SWEPT_TILT_PX - tilt_px) / (SWEPT_TILT_PX - TILT_PX)).clamp(0.0, 1.0) as f32
         });
+        // What is as through a thin lens may take the shorter ways.
+        let thin = aberrations.thin(reach);
+        let [disc, in_focus] = if reach <= IN_FOCUS_PX { [0.0, thin] } else { [thin * disc, 0.0] };
+        let samples = count_samples(reach.hypot(aberrations.spread_px));
         let work = match works {
-            Works::Sweeps => Work::Sweep { samples: count_samples(reach), occupied, disc: 0.0 },
-            Works::Least if reach <= IN_FOCUS_PX => Work::InFocus,
+            Works::Sweeps => Work::Sweep { samples, occupied, disc: 0.0, in_focus: 0.0 },
+            Works::Least if in_focus == 1.0 => Work::InFocus,
             Works::Least if disc == 1.0 => Work::Disc,
-            Works::Least => Work::Sweep { samples: count_samples(reach), occupied, disc },
+            Works::Least => Work::Sweep { samples, occupied, disc, in_focus },
         };
-        Tile { origin, reach_px: reach, work }
+        Tile { origin, reach_px: reach + offset, work }
     };
 
     let columns = (0..padding.width).step_by(TILE.0);

@@ -116,6 +116,47 @@ impl PyLens {
         Ok(PyLens { core: if breathing { lens.breathing()? } else { lens } })
     }
 
+    /// A lens traced with Optiland from its prescription.
+    ///
+    /// Parameters
+    /// ----------
+    /// optic : optiland.optic.Optic
+    ///     The lens in millimetres, with an aperture and a primary wavelength. It is not changed.
+    /// focus_distance : float
+    ///     Distance of the plane in focus from the entrance pupil in metres; may be infinite.
+    /// half_diagonal_mm : float
+    ///     Half the diagonal of the sensor in millimetres.
+    /// field : array_like, optional
+    ///     Distances from the axis that are traced, in half diagonals: 0 to 1 in steps of an eighth by default.
+    /// points : int, optional
+    ///     Number of points of the lens along each axis.
+    ///
+    /// Returns
+    /// -------
+    /// Lens
+    ///     With the radius of the entrance pupil, the field of view of the sensor, and the traced lens as its `psf`. The
+    ///     sensor is where the image of a point in focus on the axis is smallest. Rays that apertures of the lens stop do
+    ///     not arrive. Distortion is left out: the picture stays that of a pinhole.
+    ///
+    /// Raises
+    /// ------
+    /// ImportError
+    ///     If Optiland is not installed, of the extra ``prescription``.
+    /// ValueError
+    ///     If a value is out of range, or if no light arrives at a place of the field.
+    #[staticmethod]
+    #[pyo3(signature = (optic, *, focus_distance, half_diagonal_mm, field=None, points=65))]
+    fn from_optiland<'py>(
+        optic: &Bound<'py, PyAny>,
+        #[pyo3(from_py_with = argument::focus_distance)] focus_distance: f64,
+        #[pyo3(from_py_with = argument::half_diagonal_mm)] half_diagonal_mm: f64,
+        field: Option<&Bound<'py, PyAny>>,
+        #[pyo3(from_py_with = argument::points)] points: usize,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let module = optic.py().import("dofsim._prescription")?;
+        module.call_method1("from_optiland", (optic, focus_distance, half_diagonal_mm, field, points))
+    }
+
     /// The lens of a camera whose intrinsics are known in pixels, as COLMAP and OpenCV have them.
     ///
     /// Parameters

@@ -40,7 +40,7 @@ impl Focus {
             (&Focus::Range(range), _) => lens.focused_over(range),
             (&Focus::Plane(distance), Base::Thin { aperture_radius, fov, fov_axis, .. }) => {
                 let there = Lens::thin(aperture_radius, distance, fov, fov_axis)?;
-                there.mounted(lens.mount)?.with_aberrations(lens.aberrations)
+                there.mounted(lens.mount)?.with_aberrations(lens.aberrations.clone())
             }
             (&Focus::Plane(disparity), Base::Relative { .. }) => lens.focused_at_disparity(disparity),
         }

@@ -5,22 +5,14 @@ pub mod focus;
 
 use super::argument;
 use super::errors::choice;
+use super::hash::hash_text;
+use super::lens_map::PyLensMap;
 use crate::error::Result;
-use crate::optics::{Aberrations, Base, FovAxis, Lens, Mount, Strength, Vignetting};
+use crate::optics::{Aberrations, BarnDoors, Base, FovAxis, Lens, Mount, Strength, Vignetting};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
-use std::hash::{DefaultHasher, Hash, Hasher};
-
-/// Hash of the text of a settings value. A negative zero equals a plain one.
-pub fn hash_text(text: &str) -> u64 {
-    let mut hasher = DefaultHasher::new();
-    for word in text.split([' ', '=', ',', '(', ')']) {
-        let word = if word == "-0.0" { "0.0" } else { word };
-        word.hash(&mut hasher);
-    }
-    hasher.finish()
-}
+use std::sync::Arc;
 
 /// A lens: its aperture, its focus, its field of view and its aberrations.
 ///
@@ -58,6 +50,20 @@ pub fn hash_text(text: &str) -> u64 {
 /// cat_eye : float, optional
 ///     How far a second stop, as large as the aperture, seems to move across it from the middle of the picture to its
 ///     corners, in radii of the aperture, 0 to 1. It clips what is drawn of points away from the middle.
+/// coma : float, optional
+///     Length of the comets that points near the corners are drawn as, in half diagonals of the picture, -0.25 to 0.25: a
+///     positive one has its tail away from the middle. It is that of this aperture, in focus or not, and grows linearly
+///     from the middle to the corners. A lens that is stopped down to a part of its radius has the square of that of it.
+/// astigmatism : float, optional
+///     Length, from its middle, of the lines that points in the corners are drawn as where their rays meet in one direction
+///     only, in half diagonals, -0.25 to 0.25; it grows with the square of the distance from the middle. A positive one
+///     has lines around the middle in front of the focus and lines away from it behind, where a point in focus is a disc.
+/// barn_doors : tuple of float, optional
+///     A rectangular stop in front of the lens: half its width and half its height in radii of the aperture, and how
+///     far it seems to move across the aperture from the middle of the picture to its corners, in radii, 0 to 1. It
+///     clips what is drawn of points, and does not darken the picture.
+/// psf : LensMap, optional
+///     A measured or traced lens, in place of `coma` and `astigmatism`.
 /// vignetting : {"none", "optical", "natural", "full"}, optional
 ///     Whether the picture is darker away from its middle: by what `cat_eye` clips, by the fourth power of the cosine
 ///     of the angle to the axis, or by both.
@@ -106,10 +112,12 @@ impl PyLens {
     #[new]
     #[pyo3(signature = (*, aperture_radius, focus_distance=None, fov, fov_axis="x", in_focus=None,
         tilt=(0.0, 0.0), field_curvature=0.0, axial_color=(0.0, 0.0, 0.0), lateral_color=(0.0, 0.0, 0.0),
-        cat_eye=0.0, vignetting="none", principal_point=(0.0, 0.0), sensor_mm=None, breathing_focal_length_mm=None),
+        cat_eye=0.0, coma=0.0, astigmatism=0.0, barn_doors=None, psf=None, vignetting="none",
+        principal_point=(0.0, 0.0), sensor_mm=None, breathing_focal_length_mm=None),
         text_signature = "(*, aperture_radius, focus_distance=None, fov, fov_axis='x', in_focus=None, \
             tilt=(0.0, 0.0), field_curvature=0.0, axial_color=(0.0, 0.0, 0.0), lateral_color=(0.0, 0.0, 0.0), \
-            cat_eye=0.0, vignetting='none', principal_point=(0.0, 0.0), sensor_mm=None, \
+            cat_eye=0.0, coma=0.0, astigmatism=0.0, barn_doors=None, psf=None, vignetting='none', \
+            principal_point=(0.0, 0.0), sensor_mm=None, \
             breathing_focal_length_mm=None)")]
     #[expect(clippy::too_many_arguments, reason = "the public constructor's own, keyword-only in Python")]
     fn new(
@@ -123,6 +131,10 @@ impl PyLens {
         #[pyo3(from_py_with = argument::axial_color)] axial_color: Triple,
         #[pyo3(from_py_with = argument::lateral_color)] lateral_color: Triple,
         #[pyo3(from_py_with = argument::cat_eye)] cat_eye: f64,
+        #[pyo3(from_py_with = argument::coma)] coma: f64,
+        #[pyo3(from_py_with = argument::astigmatism)] astigmatism: f64,
+        #[pyo3(from_py_with = argument::barn_doors)] barn_doors: Option<Triple>,
+        psf: Option<PyRef<'_, PyLensMap>>,
         vignetting: &str,
         #[pyo3(from_py_with = argument::principal_point)] principal_point: Pair,
         #[pyo3(from_py_with = argument::sensor_mm)] sensor_mm: Option<f64>,
@@ -141,6 +153,10 @@ impl PyLens {
             lateral_color: lateral_color.into(),
             cat_eye,
             vignetting: choice("vignetting", vignetting, &Vignetting::NAMES)?,
+            coma,
+            astigmatism,
+            barn_doors: barn_doors.map(doors),
+            psf: psf.map(|map| Arc::clone(&map.core)),
         };
         let lens = match (focus_distance, in_focus) {
             (Some(distance), None) => Lens::thin(aperture_radius, distance, fov, fov_axis),
@@ -165,7 +181,7 @@ impl PyLens {
     /// in_focus : tuple of float, optional
     ///     In place of `focus`, a range in focus as of `Lens`: the disparities of its nearer end, which is the larger, and
     ///     of its farther end.
-    /// axial_color, lateral_color, cat_eye, vignetting, principal_point : optional
+    /// axial_color, lateral_color, cat_eye, coma, astigmatism, barn_doors, psf, vignetting, principal_point : optional
     ///     As for `Lens`, but that `axial_color` is in units of the disparity; no ``"natural"`` vignetting.
     ///
     /// Returns
@@ -186,11 +202,11 @@ impl PyLens {
     /// Lens.from_disparity(strength_px=30.0, focus=0.8)
     #[staticmethod]
     #[pyo3(signature = (*, strength_px=None, strength_percent=None, focus=None, in_focus=None,
-        axial_color=(0.0, 0.0, 0.0), lateral_color=(0.0, 0.0, 0.0), cat_eye=0.0, vignetting="none",
-        principal_point=(0.0, 0.0)),
+        axial_color=(0.0, 0.0, 0.0), lateral_color=(0.0, 0.0, 0.0), cat_eye=0.0, coma=0.0, astigmatism=0.0,
+        barn_doors=None, psf=None, vignetting="none", principal_point=(0.0, 0.0)),
         text_signature = "(*, strength_px=None, strength_percent=None, focus=None, in_focus=None, \
-            axial_color=(0.0, 0.0, 0.0), lateral_color=(0.0, 0.0, 0.0), cat_eye=0.0, vignetting='none', \
-            principal_point=(0.0, 0.0))")]
+            axial_color=(0.0, 0.0, 0.0), lateral_color=(0.0, 0.0, 0.0), cat_eye=0.0, coma=0.0, astigmatism=0.0, \
+            barn_doors=None, psf=None, vignetting='none', principal_point=(0.0, 0.0))")]
     #[expect(clippy::too_many_arguments, reason = "the public constructor's own, keyword-only in Python")]
     fn from_disparity(
         #[pyo3(from_py_with = argument::strength_px)] strength_px: Option<f64>,
@@ -200,6 +216,10 @@ impl PyLens {
         #[pyo3(from_py_with = argument::axial_color)] axial_color: Triple,
         #[pyo3(from_py_with = argument::lateral_color)] lateral_color: Triple,
         #[pyo3(from_py_with = argument::cat_eye)] cat_eye: f64,
+        #[pyo3(from_py_with = argument::coma)] coma: f64,
+        #[pyo3(from_py_with = argument::astigmatism)] astigmatism: f64,
+        #[pyo3(from_py_with = argument::barn_doors)] barn_doors: Option<Triple>,
+        psf: Option<PyRef<'_, PyLensMap>>,
         vignetting: &str,
         #[pyo3(from_py_with = argument::principal_point)] principal_point: Pair,
     ) -> PyResult<PyLens> {
@@ -218,6 +238,10 @@ impl PyLens {
             lateral_color: lateral_color.into(),
             cat_eye,
             vignetting: choice("vignetting", vignetting, &Vignetting::NAMES)?,
+            coma,
+            astigmatism,
+            barn_doors: barn_doors.map(doors),
+            psf: psf.map(|map| Arc::clone(&map.core)),
             ..Aberrations::NONE
         };
         let lens = match (focus, in_focus) {
@@ -325,6 +349,30 @@ impl PyLens {
     #[getter]
     fn cat_eye(&self) -> f64 {
         self.core.aberrations.cat_eye
+    }
+
+    /// Length of comets in the corners, in half diagonals.
+    #[getter]
+    fn coma(&self) -> f64 {
+        self.core.aberrations.coma
+    }
+
+    /// Length of lines in the corners, in half diagonals.
+    #[getter]
+    fn astigmatism(&self) -> f64 {
+        self.core.aberrations.astigmatism
+    }
+
+    /// The rectangular stop: half its width and its height, and how far it moves; None without one.
+    #[getter]
+    fn barn_doors(&self) -> Option<Triple> {
+        self.core.aberrations.barn_doors.map(|BarnDoors { half, moves }| (half[0], half[1], moves))
+    }
+
+    /// The measured or traced lens, or None.
+    #[getter]
+    fn psf(&self) -> Option<PyLensMap> {
+        self.core.aberrations.psf.as_ref().map(|map| PyLensMap { core: Arc::clone(map) })
     }
 
     /// How the picture darkens away from its middle.
@@ -449,6 +497,11 @@ impl PyLens {
     }
 }
 
+/// The rectangular stop of half a width, half a height, and how far it moves.
+fn doors((width, height, moves): Triple) -> BarnDoors {
+    BarnDoors { half: [width, height], moves }
+}
+
 /// The public name of a choice.
 fn name_of<T: Copy + PartialEq>(value: T, names: &[(&'static str, T)]) -> Option<&'static str> {
     names.iter().find(|(_, own)| *own == value).map(|(name, _)| *name)
@@ -457,12 +510,12 @@ fn name_of<T: Copy + PartialEq>(value: T, names: &[(&'static str, T)]) -> Option
 impl PyLens {
     /// The same lens without a mount and without aberrations.
     fn plain(&self) -> PyLens {
-        PyLens { core: Lens { mount: Mount::PLAIN, aberrations: Aberrations::NONE, ..self.core } }
+        PyLens { core: Lens { mount: Mount::PLAIN, aberrations: Aberrations::NONE, ..self.core.clone() } }
     }
 
     /// The lens that is meant, with a range in focus in place of its own focus if there is one.
     pub fn with_range(&self, in_focus: Option<[f64; 2]>) -> Result<Lens> {
-        in_focus.map_or(Ok(self.core), |range| self.core.focused_over(range))
+        in_focus.map_or_else(|| Ok(self.core.clone()), |range| self.core.focused_over(range))
     }
 
     /// The constructor of such a lens.
@@ -510,6 +563,10 @@ impl PyLens {
         words.set_item("axial_color", self.axial_color())?;
         words.set_item("lateral_color", self.lateral_color())?;
         words.set_item("cat_eye", self.cat_eye())?;
+        words.set_item("coma", self.coma())?;
+        words.set_item("astigmatism", self.astigmatism())?;
+        words.set_item("barn_doors", self.barn_doors())?;
+        words.set_item("psf", self.psf())?;
         words.set_item("vignetting", self.vignetting())?;
         words.set_item("principal_point", self.principal_point())?;
         Ok(words)

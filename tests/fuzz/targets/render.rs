@@ -7,7 +7,7 @@ use _dofsim::depth::{DepthKind, Invalid, disparity_plane};
 use _dofsim::device::Device;
 use _dofsim::error::Error;
 use _dofsim::method::Method;
-use _dofsim::optics::{Aberrations, FovAxis, Frame, Lens, Mount, Strength, Vignetting};
+use _dofsim::optics::{Aberrations, BarnDoors, FovAxis, Frame, Lens, Mount, Strength, Vignetting};
 use _dofsim::picture::{Layer, Picture, Size};
 use _dofsim::plan::{gaussian, hexagonal, lens, levels, poisson, sprites, taps};
 use _dofsim::renderer::Renderer;
@@ -173,13 +173,19 @@ fn lens(u: &mut Unstructured) -> std::result::Result<Lens, Refused> {
     };
     let (mut mount, mut aberrations) = (Mount::PLAIN, Aberrations::NONE);
     for _ in 0..u.int_in_range(0..=2)? {
-        match u.int_in_range(0..=6)? {
+        match u.int_in_range(0..=9)? {
             0 => mount.tilt_deg = [number(u, -60.0..=60.0)?, number(u, -60.0..=60.0)?],
             1 => mount.principal_point = [number(u, -1.0..=1.0)?, number(u, -1.0..=1.0)?],
             2 => aberrations.field_curvature = number(u, -2.0..=2.0)?,
             3 => aberrations.axial_color = three(u, 0.1)?,
             4 => aberrations.lateral_color = three(u, 0.1)?,
             5 => aberrations.cat_eye = number(u, 0.0..=1.0)?,
+            6 => aberrations.coma = number(u, -0.25..=0.25)?,
+            7 => aberrations.astigmatism = number(u, -0.25..=0.25)?,
+            8 => {
+                let half = [number(u, 0.05..=2.0)?, number(u, 0.05..=2.0)?];
+                aberrations.barn_doors = Some(BarnDoors { half, moves: number(u, 0.0..=1.0)? });
+            }
             _ => aberrations.vignetting = *u.choose(&Vignetting::NAMES.map(|(_, kind)| kind))?,
         }
     }
@@ -258,7 +264,7 @@ fn method(u: &mut Unstructured, aperture: &Aperture) -> std::result::Result<Meth
         }
         _ => {
             let views = if u.arbitrary()? { Some(u.int_in_range(16..=96)?) } else { None };
-            Method::Lens(lens::Settings { aperture: aperture.clone(), samples: views, second_stop: None })
+            Method::Lens(lens::Settings::new(aperture.clone(), views))
         }
     })
 }

@@ -93,7 +93,7 @@ fn of_band(frame: &Frame, size: Size, band: &Band, cotangent: &[f32]) -> Result<
                 in_focus::adjoint(layers, size, &frame.in_focus, tile.origin, &given, &mut window)
             }
             Work::Disc => disc::adjoint(frame, size, tile.origin, &given, &mut window),
-            Work::Sweep { samples, occupied, disc } => {
+            Work::Sweep { samples, occupied, disc, .. } => {
                 if *disc > 0.0 {
                     scaled(&given, *disc, &mut exact);
                     disc::adjoint(frame, size, tile.origin, &exact, &mut window);

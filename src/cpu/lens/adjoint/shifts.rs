@@ -56,7 +56,7 @@ pub fn of_shifts(
     let mut frame = Frame::new(input, optics, settings, Works::Sweeps, simd, cancel)?;
     let group = Group::of_picture(input, &frame.highlights);
     // Widening takes away texture, which moves; the noise of few samples has no mean.
-    frame.footprint = Footprint::new(frame.padded.reach_px, |_| 1, |_, _| 0.0);
+    frame.footprint = Footprint::new(frame.padded.reach_px, |_| 1, |_, _| 0.0, None);
     frame.set_colors(std::slice::from_ref(&group), None);
     cancel.check()?;
     let mut sums = Sums::new(Size { channels: size.channels + 1, ..size }, input.scene.layers.len());
