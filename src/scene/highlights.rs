@@ -189,8 +189,17 @@ impl Bright {
     }
 }
 
+/// The highlights of a scene.
+pub struct Found {
+    /// Those of each layer.
+    pub bright: Vec<Vec<Bright>>,
+    /// For each block of the frame, how many times as bright as the limit the brightest cell is without what is taken out
+    /// of it; 1 where all is.
+    pub left: Vec<f32>,
+}
+
 /// Finds the highlights of each layer; `front` is the number of the picture's first.
-pub fn find(size: Size, layers: &[SceneLayer], front: usize, simd: Simd) -> Vec<Vec<Bright>> {
+pub fn find(size: Size, layers: &[SceneLayer], front: usize, simd: Simd) -> Found {
     let lights = light_channels(size);
     let (first, front) = (front, BlockLight::new(size, &layers[front].colors, simd));
     let of_layer = |(i, layer): (usize, &SceneLayer)| {
@@ -212,13 +221,18 @@ pub fn find(size: Size, layers: &[SceneLayer], front: usize, simd: Simd) -> Vec<
             let blocks = blocks.filter(|&b| above(&brightest[b], &limit(b), lights) != [0.0; 4]);
             blocks.flat_map_iter(|b| front.cells(b)).filter(stands_out).collect()
         };
-        // How far each is above the limit: from nothing at it to all from twice as much on.
-        let share = |index: usize| {
+        // How many times as bright as the limit each is.
+        let times = |index: usize| {
             let (color, limit) = (layer.colors.at(index), limit(front.block_of(index)));
-            let above = |c: usize| (color[c] - limit[c]) / limit[c].max(f32::MIN_POSITIVE);
-            (index, (0..lights).map(above).fold(0.0, f32::max).min(1.0))
+            (0..lights).map(|c| color[c] / limit[c].max(f32::MIN_POSITIVE)).fold(1.0, f32::max)
         };
-        let crowding = front.crowding(found.iter().map(|&index| share(index)));
+        // From nothing at the limit to all from twice as much on.
+        let crowding = front.crowding(found.iter().map(|&index| (index, (times(index) - 1.0).min(1.0))));
+        let mut left = vec![1.0f32; crowding.len()];
+        for &index in &found {
+            let b = front.block_of(index);
+            left[b] = left[b].max(times(index).min(crowding[b]));
+        }
         let excess = |index: usize| {
             let b = front.block_of(index);
             above(&layer.colors.at(index), &limit(b).map(|limit| crowding[b] * limit), lights)
@@ -230,9 +244,16 @@ pub fn find(size: Size, layers: &[SceneLayer], front: usize, simd: Simd) -> Vec<
             let area = layer.half_plane_at(index).map_or(1.0, |plane| plane.coverage());
             Bright { index, dim: std::array::from_fn(|c| color[c] - excess[c]), excess, area }
         };
-        found.map(bright).collect()
+        (found.map(bright).collect(), left)
     };
-    layers.iter().enumerate().map(of_layer).collect()
+    let (bright, left): (Vec<_>, Vec<_>) = layers.iter().enumerate().map(of_layer).unzip();
+    let most = |b: usize| left.iter().fold(1.0f32, |most, left| most.max(left[b]));
+    Found { bright, left: (0..blocks(size)).map(most).collect() }
+}
+
+/// The number of blocks of a frame.
+fn blocks(size: Size) -> usize {
+    size.width.div_ceil(BLOCK) * size.height.div_ceil(BLOCK)
 }
 
 #[cfg(test)]
@@ -256,7 +277,7 @@ mod tests {
     }
 
     /// A dark object, 120 pixels wide, before a grey wall, and cells that it hides.
-    fn found(hidden: impl Fn(usize, usize) -> Option<f32>) -> Vec<Bright> {
+    fn found(hidden: impl Fn(usize, usize) -> Option<f32>) -> (Vec<Bright>, Vec<f32>) {
         let gray = |i: usize| if i % SIZE.width < 120 { 0.01 } else { 0.3 };
         let planes: Buffer<f32> = (0..3 * SIZE.pixels()).map(|i| gray(i % SIZE.pixels())).collect();
         let cell = |index: usize| {
@@ -265,17 +286,22 @@ mod tests {
         };
         let cells: Vec<CellColor> = (0..SIZE.pixels()).filter_map(cell).collect();
         let layers = [layer(Colors::new(SIZE, Arc::new(planes))), layer(Colors::of_cells(SIZE, cells))];
-        let [front, hidden] = find(SIZE, &layers, 0, Simd::PORTABLE).try_into().unwrap_or_else(|_| panic!());
+        let Found { bright, left } = find(SIZE, &layers, 0, Simd::PORTABLE);
+        let [front, hidden] = bright.try_into().unwrap_or_else(|_| panic!());
         assert!(front.is_empty());
-        hidden
+        (hidden, left)
     }
 
     #[test]
     fn a_wall_that_a_dark_object_hides_is_no_lamp() {
         let band = |x: usize| (80..120).contains(&x).then_some(0.3);
-        assert!(found(|x, _| band(x)).is_empty());
+        let (lamps, left) = found(|x, _| band(x));
+        assert!(lamps.is_empty());
+        // It is six times as bright as the limit of five times the dark object.
+        let across = SIZE.width / BLOCK;
+        assert!((left[across + 5] - 6.0).abs() < 1e-3 && left[across + 1] == 1.0, "{left:?}");
         // A lamp among it is one, and keeps nearly all of its light.
-        let lamps =
+        let (lamps, _) =
             found(|x, y| if (100..103).contains(&x) && (40..43).contains(&y) { Some(2e3) } else { band(x) });
         assert_eq!(lamps.len(), 9);
         assert!(lamps.iter().all(|lamp| lamp.excess[0] > 0.95 * 2e3));
@@ -284,7 +310,7 @@ mod tests {
     #[test]
     fn the_light_of_lamps_changes_smoothly_with_their_number() {
         let light = |n: usize| {
-            let all = found(|x, y| {
+            let (all, _) = found(|x, y| {
                 (x < 100 && y < 80 && x % 4 == 0 && y % 4 == 0 && x / 4 + y / 4 * 25 < n).then_some(1.0)
             });
             all.iter().map(|lamp| f64::from(lamp.excess[0])).sum::<f64>()

@@ -13,7 +13,7 @@ use super::depth_spans::{self, DepthSpans};
 use super::edges::{self, CONNECTED_PX, EDGE};
 use super::front_layer::FrontLayer;
 use super::half_plane::HalfPlane;
-use super::highlights::{self, Bright};
+use super::highlights;
 use super::holdouts;
 use super::inpaint::{self, Hidden, SAME_SURFACE_PX};
 use super::layer::{Role, SceneLayer};
@@ -52,7 +52,7 @@ pub struct LayeredScene {
     /// The bounds of depth in the blocks of the frame.
     pub bounds: Arc<DepthBounds>,
     /// The highlights; found when first asked for.
-    bright: OnceLock<Arc<Vec<Vec<Bright>>>>,
+    highlights: OnceLock<Arc<highlights::Found>>,
 }
 
 impl LayeredScene {
@@ -66,17 +66,17 @@ impl LayeredScene {
             (0..layers.len()).map(|layer| DepthSpans::new(&layers, size, layer, &codes, simd)).collect();
         let bounds = DepthBounds::new(size, &depths, &codes, (front, &layers[front]), simd);
         let (depths, bounds) = (Arc::new(depths), Arc::new(bounds));
-        let bright = OnceLock::new();
-        LayeredScene { size, layers, front, held, opaque, shifts, codes, depths, bounds, bright }
+        let highlights = OnceLock::new();
+        LayeredScene { size, layers, front, held, opaque, shifts, codes, depths, bounds, highlights }
     }
 
-    /// The cells of each layer that are highlights.
-    pub fn bright(&self, simd: Simd) -> Arc<Vec<Vec<Bright>>> {
+    /// The cells of each layer that are highlights, and what is left of them.
+    pub fn highlights(&self, simd: Simd) -> Arc<highlights::Found> {
         // The search is not done inside the lock: workers that wait for one another there could wait for themselves.
-        let found = self.bright.get().map(Arc::clone);
+        let found = self.highlights.get().map(Arc::clone);
         found.unwrap_or_else(|| {
             let found = Arc::new(highlights::find(self.size, &self.layers, self.front, simd));
-            Arc::clone(self.bright.get_or_init(|| found))
+            Arc::clone(self.highlights.get_or_init(|| found))
         })
     }
 
@@ -104,7 +104,7 @@ impl LayeredScene {
             codes: self.codes,
             depths: Arc::clone(&self.depths),
             bounds: Arc::clone(&self.bounds),
-            bright: OnceLock::new(),
+            highlights: OnceLock::new(),
         }
     }
 
@@ -148,7 +148,7 @@ impl LayeredScene {
             codes: self.codes,
             depths: Arc::new(depths.collect()),
             bounds: Arc::new(self.bounds.rows(rows)),
-            bright: OnceLock::new(),
+            highlights: OnceLock::new(),
         }
     }
 }

@@ -56,7 +56,7 @@ impl<'a> Frame<'a> {
         let Input { picture, scene, supersample } = *input;
         cancel.check()?;
         let clip = settings.second_stop.map(|second_stop| PupilClip::new(second_stop, &settings.aperture));
-        let plan = Plan::new(scene, optics, settings, supersample, works);
+        let plan = Plan::new(scene, optics, settings, supersample, works, simd);
         cancel.check()?;
         let highlights = Highlights::new(scene, &plan, simd);
         cancel.check()?;

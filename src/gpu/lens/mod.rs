@@ -88,7 +88,7 @@ pub fn render(
 ) -> Result<wgpu::Buffer> {
     let Input { scene, cells, .. } = *input;
     let size = scene.size;
-    let plan = Plan::new(scene, optics, settings, input.supersample, Works::Least);
+    let plan = Plan::new(scene, optics, settings, input.supersample, Works::Least, simd);
     cancel.check()?;
     let highlights = Highlights::new(scene, &plan, simd);
     let kernels = Kernels::new(scene, &plan, &highlights, &settings.aperture, cancel)?;

@@ -160,7 +160,7 @@ impl Highlights {
         }
         let (width, lights) = (scene.size.width, light_channels(scene.size));
         let (mut found, mut swept) = (Highlights::default(), Vec::new());
-        for (i, bright) in scene.bright(simd).iter().enumerate() {
+        for (i, bright) in scene.highlights(simd).bright.iter().enumerate() {
             // A cell that has a colour and no depth is empty.
             let s = &scene.layers[i].s;
             let bright = || bright.iter().filter(|bright| !s[bright.index].is_nan());

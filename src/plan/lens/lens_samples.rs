@@ -7,7 +7,9 @@ use crate::aperture::{Aperture, Side};
 /// bridges: twice the deviation of a pixel, `1 / sqrt(12)`.
 const SAMPLES_PER_PIXEL: f64 = 0.4;
 /// The sample counts to choose from. They bound both the noise of too few samples and the time of too many.
-const COUNTS: [usize; 7] = [64, 96, 128, 192, 256, 384, 512];
+const COUNTS: [usize; 11] = [64, 96, 128, 192, 256, 384, MOST, 768, 1024, 1536, 2048];
+/// The most samples where nothing bright is left to them.
+const MOST: usize = 512;
 
 /// A lens point, and the position inside the pixel at which its ray starts.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,11 +26,14 @@ pub struct LensSample {
     pub pick: [f64; 2],
 }
 
-/// The number of samples that a disc of radius `r_px` needs.
-pub fn count_for(r_px: f64) -> usize {
+/// The number of samples that a disc of radius `r_px` needs. Some of what it is made of is so many times as bright as a
+/// highlight begins to be: one of as many more samples changes a pixel by no more.
+pub fn count_for(r_px: f64, brightness: f32) -> usize {
     let wanted = SAMPLES_PER_PIXEL * std::f64::consts::PI * r_px * r_px;
     let enough = COUNTS.iter().copied().find(|&n| n as f64 >= wanted);
-    enough.unwrap_or(COUNTS[COUNTS.len() - 1])
+    let enough = enough.unwrap_or(MOST).min(MOST);
+    let most = f64::from(brightness) * enough as f64;
+    COUNTS.iter().copied().rfind(|&n| n as f64 <= most).unwrap_or(enough)
 }
 
 /// Distance in pixels between the positions at which `n` samples draw a point of shift `t_px`. The opening has the

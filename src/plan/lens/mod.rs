@@ -19,6 +19,7 @@ use crate::error::Result;
 use crate::optics::{Imaging, Optics, SecondStop, Transverse};
 use crate::scene::depth_bounds::DepthBounds;
 use crate::scene::layered::LayeredScene;
+use crate::simd::Simd;
 use aberrated::{Aberrated, Bounds, Reaches};
 use footprint::Footprint;
 use in_focus::InFocus;
@@ -114,10 +115,12 @@ impl Plan {
         settings: &Settings,
         supersample: usize,
         works: Works,
+        simd: Simd,
     ) -> Plan {
         let s_focus = optics.k * optics.d_focus;
-        let count_samples = |radius_px: f64| {
-            settings.samples.unwrap_or_else(|| lens_samples::count_for(radius_px / supersample as f64))
+        let count_samples = |radius_px: f64, brightness: f32| {
+            let count = || lens_samples::count_for(radius_px / supersample as f64, brightness);
+            settings.samples.unwrap_or_else(count)
         };
         let area = settings.aperture.relative_area();
         let reach_px = reach_px(scene, s_focus);
@@ -126,6 +129,11 @@ impl Plan {
         let all = reaches.as_ref().map_or(Bounds::default(), Reaches::all);
         let padding = Padding::new(scene.size.width, scene.size.height, reach_px + all.offset_px);
         let bounds = padded_bounds::padded(&scene.bounds, &padding);
+        // The samples draw highlights as well, but for what is taken out of the scene.
+        let left = (reach_px + all.offset_px > in_focus::IN_FOCUS_PX).then(|| scene.highlights(simd));
+        let left = left.filter(|found| found.left.iter().any(|left| *left > 1.0));
+        let brightness =
+            left.map(|found| padded_bounds::greatest(&found.left, scene.bounds.across, &padding));
         let inputs = tiles::Inputs {
             padding: &padding,
             codes: &scene.codes,
@@ -133,13 +141,14 @@ impl Plan {
             s_focus,
             second_stop: settings.second_stop.as_ref(),
             reaches: reaches.as_ref(),
+            brightness: brightness.as_deref(),
             works,
         };
         let tiles = tiles::plan(&inputs, count_samples);
         let sample_sets = sample_sets(&tiles, &settings.aperture);
         let largest_px = reach_px.hypot(all.spread_px);
         let spacing = |t, n| lens_samples::spacing_px(t, area, n);
-        let footprint = Footprint::new(largest_px, count_samples, spacing, reaches);
+        let footprint = Footprint::new(largest_px, |t| count_samples(t, 1.0), spacing, reaches);
         let in_focus = InFocus::new(&settings.aperture, s_focus);
         let missed = if scene.opaque { Missed::Unknown } else { Missed::Nothing };
         Plan {

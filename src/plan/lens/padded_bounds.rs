@@ -4,17 +4,32 @@ use super::padding::Padding;
 use crate::scene::depth_bounds::{DepthBits, DepthBounds, unite};
 use crate::scene::grid::{BLOCK, TILE};
 
-/// The bounds of the blocks of the padded frame. Each is the union of the bounds of the blocks that it shows.
-pub fn padded(bounds: &DepthBounds, padding: &Padding) -> DepthBounds {
-    let shown = |n: usize, place: &dyn Fn(usize) -> usize| -> Vec<(usize, usize)> {
+/// The first and the last column of blocks that each padded column of blocks shows, and the same of rows.
+fn shown(padding: &Padding) -> [Vec<(usize, usize)>; 2] {
+    let along = |n: usize, place: &dyn Fn(usize) -> usize| -> Vec<(usize, usize)> {
         let block = |b: usize| {
             let at = (b * BLOCK..(b + 1) * BLOCK).map(|i| place(i) / BLOCK);
             at.fold((usize::MAX, 0), |(lo, hi), b| (lo.min(b), hi.max(b)))
         };
         (0..n / BLOCK).map(block).collect()
     };
-    let columns = shown(padding.stride, &|px| padding.column(px).0);
-    let rows = shown(padding.rows, &|py| padding.row(py).0);
+    let columns = along(padding.stride, &|px| padding.column(px).0);
+    [columns, along(padding.rows, &|py| padding.row(py).0)]
+}
+
+/// For each padded block, the greatest of the values of the blocks that it shows, of which there are `across` in a row.
+pub fn greatest(values: &[f32], across: usize, padding: &Padding) -> Vec<f32> {
+    let [columns, rows] = &shown(padding);
+    let of_blocks = |(rows, columns): (&(usize, usize), &(usize, usize))| {
+        let row = |y: usize| &values[y * across + columns.0..=y * across + columns.1];
+        (rows.0..=rows.1).flat_map(row).fold(f32::NEG_INFINITY, |most, value| most.max(*value))
+    };
+    rows.iter().flat_map(|rows| columns.iter().map(move |columns| (rows, columns))).map(of_blocks).collect()
+}
+
+/// The bounds of the blocks of the padded frame. Each is the union of the bounds of the blocks that it shows.
+pub fn padded(bounds: &DepthBounds, padding: &Padding) -> DepthBounds {
+    let [columns, rows] = shown(padding);
     let (across, down) = (columns.len(), rows.len());
     let mut padded = DepthBounds {
         across,

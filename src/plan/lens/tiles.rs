@@ -103,6 +103,9 @@ pub struct Inputs<'a> {
     pub second_stop: Option<&'a SecondStop>,
     /// Set if the lens has aberrations that change where rays land.
     pub reaches: Option<&'a Reaches>,
+    /// For each padded block, how many times as bright as a highlight begins to be what is left to the sweep is; none if all
+    /// are 1.
+    pub brightness: Option<&'a [f32]>,
     pub works: Works,
 }
 
@@ -120,9 +123,10 @@ fn blocks_around(
     range(origin.1, TILE.1, padding.rows).flat_map(move |by| columns.clone().map(move |bx| (bx, by)))
 }
 
-/// Plans every tile. `count_samples` gives the number of samples for the radius of the largest disc.
-pub fn plan(inputs: &Inputs, count_samples: impl Fn(f64) -> usize + Sync) -> Vec<Tile> {
-    let Inputs { padding, codes, bounds, s_focus, second_stop, reaches, works } = *inputs;
+/// Plans every tile. `count_samples` gives the number of samples for the radius of the largest disc and the brightness of
+/// what reaches the tile.
+pub fn plan(inputs: &Inputs, count_samples: impl Fn(f64, f32) -> usize + Sync) -> Vec<Tile> {
+    let Inputs { padding, codes, bounds, s_focus, second_stop, reaches, brightness, works } = *inputs;
     let shift = |code: u16| codes.decode(f64::from(code)) - s_focus;
     let block_reach: Vec<f64> = bounds
         .range
@@ -137,7 +141,7 @@ pub fn plan(inputs: &Inputs, count_samples: impl Fn(f64) -> usize + Sync) -> Vec
         let (x0, y0) = (origin.0 + padding.pad, origin.1 + padding.pad);
         let (x1, y1) = (x0 + TILE.0, y0 + TILE.1);
         let mut occupied = [0u64; 4];
-        let (mut reach, mut steepest) = (0.0f64, Some(0u16));
+        let (mut reach, mut steepest, mut brightest) = (0.0f64, Some(0u16), 1.0f32);
         let aberrations = reaches.map_or(Bounds::default(), |reaches| reaches.of_tile(origin));
         let offset = aberrations.offset_px;
         for (bx, by) in blocks_around(padding, origin, (largest + offset) as usize + 2) {
@@ -156,6 +160,7 @@ pub fn plan(inputs: &Inputs, count_samples: impl Fn(f64) -> usize + Sync) -> Vec
                 }
             }
             reach = reach.max(block_reach[b]);
+            brightest = brightness.map_or(1.0, |brightness| brightest.max(brightness[b]));
             steepest = steepest.zip(bounds.smooth[b]).map(|(a, b)| a.max(b));
         }
         let one_surface = steepest.filter(|_| second_stop.is_none());
@@ -166,7 +171,7 @@ pub fn plan(inputs: &Inputs, count_samples: impl Fn(f64) -> usize + Sync) -> Vec
         // What is as through a thin lens may take the shorter ways.
         let thin = aberrations.thin(reach);
         let [disc, in_focus] = if reach <= IN_FOCUS_PX { [0.0, thin] } else { [thin * disc, 0.0] };
-        let samples = count_samples(reach.hypot(aberrations.spread_px));
+        let samples = count_samples(reach.hypot(aberrations.spread_px), brightest);
         let work = match works {
             Works::Sweeps => Work::Sweep { samples, occupied, disc: 0.0, in_focus: 0.0 },
             Works::Least if in_focus == 1.0 => Work::InFocus,
