@@ -1,0 +1,225 @@
+//! What the lens samples of a tile see: the cell that the ray of each pixel meets.
+
+use super::around::Around;
+use super::gather::Gather;
+use crate::cpu::lens::culling::PART;
+use crate::cpu::lens::frame::Frame;
+use crate::cpu::lens::segments::{ROWS, Segments};
+use crate::cpu::lens::sweep::{Hit, Pixels, visit_tile};
+use crate::cpu::lens::tile_color::TileColor;
+use crate::scene::grid::TILE;
+
+/// Pixels of a tile.
+pub const PIXELS: usize = TILE.0 * TILE.1;
+/// From the pixels of one sample to those of the next. A power of two would put the same pixel of all samples into the same
+/// few lines of the cache.
+const STEP: usize = PIXELS + 16;
+/// Parts of a tile beside each other, and all of them.
+const ACROSS: usize = TILE.0 / PART.0;
+const PARTS: usize = ACROSS * (TILE.1 / PART.1);
+
+/// What a ray meets: a layer, and how many columns and rows its cell is away from the pixel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Met(u32);
+
+impl Met {
+    pub const NOTHING: Met = Met(u32::MAX);
+    /// The pixel's own cell of the first layer.
+    const OWN: Met = Met((Met::MIDDLE as u32) << Met::BITS | Met::MIDDLE as u32);
+    /// A cell is at most 2048 columns or rows and those of its span away.
+    const BITS: u32 = 15;
+    const MIDDLE: i32 = 1 << (Met::BITS - 1);
+
+    /// A cell of a layer at an offset in padded cells.
+    #[inline(always)]
+    fn new(layer: u32, offset: i32, stride: usize) -> Met {
+        let stride = stride as i32;
+        let down = (offset + stride / 2).div_euclid(stride);
+        let across = offset - down * stride;
+        let (across, down) = ((across + Met::MIDDLE) as u32, (down + Met::MIDDLE) as u32);
+        Met(layer << (2 * Met::BITS) | down << Met::BITS | across)
+    }
+
+    /// The number that says all of it.
+    #[inline(always)]
+    pub fn code(self) -> u32 {
+        self.0
+    }
+
+    #[inline(always)]
+    pub fn of_code(code: u32) -> Met {
+        Met(code)
+    }
+
+    #[inline(always)]
+    pub fn layer(self) -> usize {
+        (self.0 >> (2 * Met::BITS)) as usize
+    }
+
+    /// Columns and rows from the pixel to the cell.
+    #[inline(always)]
+    pub fn away(self) -> [i32; 2] {
+        const MASK: u32 = (1 << Met::BITS) - 1;
+        let [across, down] = [self.0 & MASK, self.0 >> Met::BITS & MASK];
+        [across as i32 - Met::MIDDLE, down as i32 - Met::MIDDLE]
+    }
+}
+
+/// What every sample of a tile sees.
+pub struct Views {
+    /// For each sample and part of the tile: what all of its pixels meet, if it is the same.
+    of_part: Vec<[Met; PARTS]>,
+    /// What each pixel of each sample meets, where it is not the same for a whole part.
+    codes: Vec<u32>,
+    /// What each pixel gives to each of its samples, in each channel.
+    shares: Vec<Vec<f32>>,
+    /// The pixels whose samples have all met nothing, and what they give.
+    blind: Vec<(usize, [f32; 4])>,
+    /// The most columns or rows that a cell is away.
+    pub reach: usize,
+}
+
+/// What one sample of a tile sees.
+pub enum View<'a> {
+    /// All pixels meet the same.
+    Even(Met),
+    /// The codes of what each pixel meets.
+    Uneven(&'a [u32]),
+}
+
+impl Views {
+    pub fn new(channels: usize) -> Views {
+        let shares = vec![vec![0.0; PIXELS]; channels];
+        Views { of_part: Vec::new(), codes: Vec::new(), shares, blind: Vec::new(), reach: 0 }
+    }
+
+    /// Looks at the tile at `origin`, of which each pixel gives `cotangent`.
+    ///
+    /// # Safety
+    ///
+    /// The segments were traced in the frame's padded arrays, from the tile at `origin`.
+    pub unsafe fn look(
+        &mut self,
+        frame: &Frame,
+        segments: &mut Segments,
+        origin: (usize, usize),
+        cotangent: &TileColor,
+    ) {
+        let samples = segments.samples();
+        self.of_part.clear();
+        self.of_part.resize(samples, [Met::NOTHING; PARTS]);
+        if self.codes.len() < samples * STEP {
+            self.codes.resize(samples * STEP, Met::NOTHING.code());
+        }
+        self.blind.clear();
+        self.reach = 0;
+        // SAFETY: per the function's contract.
+        unsafe {
+            visit_tile(
+                frame.simd,
+                &frame.padded,
+                segments,
+                origin,
+                frame.missed,
+                #[inline(always)]
+                |pixels, segments, hits| {
+                    self.share(cotangent, pixels);
+                    self.note(frame.padded.padding.stride, pixels, segments, hits);
+                },
+            );
+        }
+    }
+
+    /// Divides what some pixels give among the samples that have met something.
+    #[inline(always)]
+    fn share(&mut self, cotangent: &TileColor, pixels: &Pixels) {
+        let ((x, y), count) = (pixels.at, pixels.cells);
+        for row in 0..ROWS {
+            let first = (y + row) * TILE.0 + x;
+            for lane in 0..count {
+                let met = pixels.met(row, lane);
+                let share = if met > 0.0 { 1.0 / met } else { 0.0 };
+                for (shares, given) in self.shares.iter_mut().zip(&cotangent.planes) {
+                    shares[first + lane] = share * given[first + lane];
+                }
+                if met <= 0.0 {
+                    let mut of_pixel = [0.0; 4];
+                    of_pixel
+                        .iter_mut()
+                        .zip(&cotangent.planes)
+                        .for_each(|(v, given)| *v = given[first + lane]);
+                    self.blind.push((first + lane, of_pixel));
+                }
+            }
+        }
+    }
+
+    /// Notes how far away a cell is.
+    #[inline(always)]
+    fn reaching(&mut self, met: Met) -> Met {
+        let [across, down] = met.away();
+        self.reach = self.reach.max(across.unsigned_abs() as usize).max(down.unsigned_abs() as usize);
+        met
+    }
+
+    /// Notes what the samples of some pixels see.
+    #[inline(always)]
+    fn note(&mut self, stride: usize, pixels: &Pixels, segments: &Segments, hits: &[Hit]) {
+        let ((x, y), count) = (pixels.at, pixels.cells);
+        let part = y / PART.1 * ACROSS + x / PART.0;
+        for segment in &segments.met {
+            let met = self.reaching(Met::new(segment.layer, segment.offset, stride));
+            self.of_part[segments.sample_of(segment.number)][part] = met;
+        }
+        let mut hits = hits.iter().peekable();
+        for &(sample, _) in &segments.unknown {
+            let mut mets = [[Met::NOTHING.code(); PART.0]; ROWS];
+            let end = segments.end(sample as usize);
+            while let Some(hit) = hits.next_if(|hit| hit.number < end) {
+                let met = self.reaching(Met::new(hit.layer, hit.offset, stride)).code();
+                for row in 0..ROWS {
+                    for lane in 0..PART.0 {
+                        let own = mets[row][lane];
+                        mets[row][lane] = if hit.cells[row] >> lane & 1 != 0 { met } else { own };
+                    }
+                }
+            }
+            let view = &mut self.codes[sample as usize * STEP..][..PIXELS];
+            for row in 0..ROWS {
+                view[(y + row) * TILE.0 + x..][..count].copy_from_slice(&mets[row][..count]);
+            }
+        }
+    }
+
+    /// Visits what each sample sees, by its number. Pixels that have met nothing keep the colour of their own cell of the
+    /// first layer, and are added here.
+    pub fn visit<const C: usize>(
+        &mut self,
+        around: &mut Around,
+        mut visit: impl FnMut(&mut Gather<C>, usize, &View),
+    ) {
+        let Views { of_part, codes, shares, blind, .. } = self;
+        for (pixel, given) in blind {
+            let at = around.index(*pixel, Met::OWN);
+            around.layers[0].by_color.iter_mut().zip(given).for_each(|(sum, v)| sum[at] += *v);
+        }
+        let mut gather = Gather { around, shares: std::array::from_fn(|c| &shares[c][..]) };
+        for (sample, (of_part, codes)) in of_part.iter().zip(codes.chunks_exact_mut(STEP)).enumerate() {
+            visit(&mut gather, sample, &View::new(of_part, codes));
+        }
+    }
+}
+
+impl View<'_> {
+    /// What one sample sees, of what it sees in whole parts and elsewhere.
+    fn new<'a>(of_part: &[Met; PARTS], codes: &'a mut [u32]) -> View<'a> {
+        if of_part[0] != Met::NOTHING && of_part.iter().all(|met| *met == of_part[0]) {
+            return View::Even(of_part[0]);
+        }
+        for (part, met) in of_part.iter().enumerate().filter(|(_, met)| **met != Met::NOTHING) {
+            let (x, y) = (part % ACROSS * PART.0, part / ACROSS * PART.1);
+            (y..y + PART.1).for_each(|y| codes[y * TILE.0 + x..][..PART.0].fill(met.code()));
+        }
+        View::Uneven(codes)
+    }
+}
