@@ -1,7 +1,7 @@
-"""The picture through a lens as a smooth function of disparity and lens, in float64, for automatic differentiation.
+"""The picture through a lens as a smooth function of shifts, in float64, which PyTorch differentiates.
 
-A surface in front, with its coverage, and one behind are functions of the place: bilinear between pixels. A ray through one
-lens point meets each of them where place plus shift is the pixel from which it starts.
+A surface in front, with its coverage, and one behind are functions of the place: bilinear between pixels. A ray
+through one lens point meets each of them where the place, moved by its shift, is the pixel from which it starts.
 """
 
 import math
@@ -18,7 +18,7 @@ def disc_points(count: int) -> Tensor:
 
 
 def sampled(planes: Tensor, place: Tensor) -> Tensor:
-    """Give planes, shape (C, H, W), at places (H, W, 2) in columns and rows; they are mirrored at the border."""
+    """Give planes, shape (C, H, W), at places (H, W, 2) in columns and rows; mirrored at the border."""
     size = torch.tensor(planes.shape[:0:-1], dtype=torch.float64)
     grid = 2.0 * (place + 0.5) / size - 1.0
     found = torch.nn.functional.grid_sample(
@@ -28,7 +28,7 @@ def sampled(planes: Tensor, place: Tensor) -> Tensor:
 
 
 def met(shift: Tensor, point: Tensor, steps: int = 8) -> Tensor:
-    """Give the place where the ray of each pixel through a lens point meets a surface of these shifts, shape (H, W)."""
+    """Give the place where each pixel's ray through a lens point meets a surface of these shifts."""
     height, width = shift.shape
     y, x = torch.meshgrid(*(torch.arange(n, dtype=torch.float64) for n in (height, width)), indexing="ij")
     pixel = torch.stack((x, y), dim=2)
@@ -41,7 +41,8 @@ def met(shift: Tensor, point: Tensor, steps: int = 8) -> Tensor:
 def picture(near: Tensor, far: Tensor, near_shift: Tensor, far_shift: Tensor, points: Tensor) -> Tensor:
     """Give the picture of a surface before another, the mean over lens points.
 
-    `near` has its coverage as the last plane, by which the others are multiplied, shape (C + 1, H, W); `far` is (C, H, W).
+    `near` has its coverage as the last plane, by which the others are multiplied, shape (C + 1, H, W); `far` is
+    (C, H, W).
     """
     total = torch.zeros_like(far)
     for point in points:

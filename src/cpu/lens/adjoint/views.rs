@@ -7,6 +7,7 @@ use crate::cpu::lens::frame::Frame;
 use crate::cpu::lens::segments::{ROWS, Segments};
 use crate::cpu::lens::sweep::{Hit, Pixels, visit_tile};
 use crate::cpu::lens::tile_color::TileColor;
+use crate::memory::Buffer;
 use crate::scene::grid::TILE;
 
 /// Pixels of a tile.
@@ -70,7 +71,7 @@ pub struct Views {
     /// For each sample and part of the tile: what all of its pixels meet, if it is the same.
     of_part: Vec<[Met; PARTS]>,
     /// What each pixel of each sample meets, where it is not the same for a whole part.
-    codes: Vec<u32>,
+    codes: Buffer<u32>,
     /// What each pixel gives to each of its samples, in each channel.
     shares: Vec<Vec<f32>>,
     /// The pixels whose samples have all met nothing, and what they give.
@@ -90,7 +91,7 @@ pub enum View<'a> {
 impl Views {
     pub fn new(channels: usize) -> Views {
         let shares = vec![vec![0.0; PIXELS]; channels];
-        Views { of_part: Vec::new(), codes: Vec::new(), shares, blind: Vec::new(), reach: 0 }
+        Views { of_part: Vec::new(), codes: Buffer::unset(0), shares, blind: Vec::new(), reach: 0 }
     }
 
     /// Looks at the tile at `origin`, of which each pixel gives `cotangent`.
@@ -109,7 +110,7 @@ impl Views {
         self.of_part.clear();
         self.of_part.resize(samples, [Met::NOTHING; PARTS]);
         if self.codes.len() < samples * STEP {
-            self.codes.resize(samples * STEP, Met::NOTHING.code());
+            self.codes = Buffer::full(samples * STEP, Met::NOTHING.code());
         }
         self.blind.clear();
         self.reach = 0;
@@ -177,10 +178,11 @@ impl Views {
             let end = segments.end(sample as usize);
             while let Some(hit) = hits.next_if(|hit| hit.number < end) {
                 let met = self.reaching(Met::new(hit.layer, hit.offset, stride)).code();
-                for row in 0..ROWS {
+                for (mets, cells) in mets.iter_mut().zip(hit.cells) {
                     for lane in 0..PART.0 {
-                        let own = mets[row][lane];
-                        mets[row][lane] = if hit.cells[row] >> lane & 1 != 0 { met } else { own };
+                        // All ones where the bit is set. There are no branches, since nothing predicts them.
+                        let is_hit = 0u32.wrapping_sub(cells >> lane & 1);
+                        mets[lane] = mets[lane] & !is_hit | met & is_hit;
                     }
                 }
             }
