@@ -76,7 +76,7 @@ def test_derivatives_are_those_of_the_oracle(scene, k):
         directions[i] = ends(lambda by, bump=bump: seen(near, far, *(d + by * bump for d in disparities), k))
     wrt = ("aperture_radius", "focus_distance", "disparity")
     for name, change in directions.items():
-        # Weighted by the change nothing cancels; without detail it hardly matters that the oracle interpolates.
+        # Weighted by the change nothing cancels; without detail it hardly matters that the oracle blurs.
         weights = ndi.gaussian_filter(change, (2.0, 2.0, 0.0)).astype(np.float32)
         found = dofsim.vjp(color, 1.0 / disparity, lens, weights, wrt=wrt, views=1024)
         along = {

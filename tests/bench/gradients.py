@@ -1,8 +1,7 @@
 """Time and memory of gradients beside those of the render, as a table.
 
-Run this file with the dependency group `bench` installed. The picture is the planes of `pictures.py`, or with
-`--traced` a scene of the fidelity table. Times are those of all threads together: on a shared machine they vary
-least.
+Run this file with the dependency group `bench` installed. The picture is the planes of `pictures.py`, or
+with `--traced` a scene of the fidelity table. Times are those of all threads together, which vary least.
 """
 
 import argparse

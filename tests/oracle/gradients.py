@@ -1,7 +1,7 @@
 """The picture through a lens as a smooth function of shifts, in float64, which PyTorch differentiates.
 
-A surface in front, with its coverage, and one behind are functions of the place: bilinear between pixels. A ray
-through one lens point meets each of them where the place, moved by its shift, is the pixel from which it starts.
+A surface in front, with its coverage, and one behind are functions of the place: bilinear between pixels. A
+ray through one lens point meets each of them where place plus shift is the pixel from which it starts.
 """
 
 import math
@@ -41,8 +41,7 @@ def met(shift: Tensor, point: Tensor, steps: int = 8) -> Tensor:
 def picture(near: Tensor, far: Tensor, near_shift: Tensor, far_shift: Tensor, points: Tensor) -> Tensor:
     """Give the picture of a surface before another, the mean over lens points.
 
-    `near` has its coverage as the last plane, by which the others are multiplied, shape (C + 1, H, W); `far` is
-    (C, H, W).
+    `near` is (C + 1, H, W): its last plane is its coverage, by which the others are multiplied.
     """
     total = torch.zeros_like(far)
     for point in points:
