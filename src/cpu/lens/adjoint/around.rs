@@ -1,6 +1,6 @@
 //! The cells around a tile, in arrays of their own: how the picture changes from each to the next, and what is added to them.
 
-use super::views::Met;
+use super::met::Met;
 use super::window::{Target, Window};
 use crate::cpu::lens::frame::Frame;
 use crate::cpu::lens::lanes::FLOATS;

@@ -12,7 +12,8 @@
 //! each other on a surface: many of these are worked on together, and the other pairs one by one.
 
 use super::around::{Around, Layer, is_one_surface};
-use super::views::{Met, View};
+use super::met::Met;
+use super::views::{Blind, View, Views};
 #[cfg(target_arch = "x86_64")]
 use crate::cpu::lens::lanes::Avx2Floats;
 use crate::cpu::lens::lanes::{FLOATS, Floats};
@@ -35,6 +36,24 @@ pub struct Gather<'a, const C: usize> {
     pub around: &'a mut Around,
     /// What each pixel of the tile gives to each of its samples.
     pub shares: [&'a [f32]; C],
+}
+
+/// Visits what each sample of a tile sees, by its number. Pixels that have met nothing keep the colour of their own cell of the
+/// first layer, and are added here.
+pub fn visit<const C: usize>(
+    views: &mut Views,
+    around: &mut Around,
+    mut visit: impl FnMut(&mut Gather<C>, usize, &View),
+) {
+    let (shares, blind, views) = views.seen();
+    for Blind { pixel, given } in blind {
+        let at = around.index(*pixel, Met::OWN);
+        around.layers[0].by_color.iter_mut().zip(given).for_each(|(sum, v)| sum[at] += *v);
+    }
+    let mut gather = Gather { around, shares: std::array::from_fn(|c| &shares[c][..]) };
+    for (sample, view) in views.enumerate() {
+        visit(&mut gather, sample, &view);
+    }
 }
 
 /// Some pixels beside each other of which a few have met the same.
@@ -261,8 +280,8 @@ impl<const C: usize> Gather<'_, C> {
         }
     }
 
-    /// Adds what pairs of pixels change: some of row `y`, and their neighbours behind them along each
-    /// axis, as far as these are in the tile.
+    /// Adds what pairs of pixels change: some of row `y`, and their neighbours behind them along each axis, as far as these
+    /// are in the tile.
     #[inline(always)]
     fn add_pairs(&mut self, y: usize, pairs: [Row; 2], lens: &LensPoint, met: impl Fn(usize) -> Met) {
         let inside = [NOT_LAST, if y + 1 < TILE.1 { ALL } else { 0 }];

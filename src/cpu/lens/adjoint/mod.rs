@@ -11,6 +11,7 @@ mod disc;
 mod gather;
 mod highlights;
 mod in_focus;
+mod met;
 mod sharpening;
 mod shifts;
 mod views;
@@ -112,7 +113,7 @@ fn of_band(frame: &Frame, size: Size, band: &Band, cotangent: &[f32]) -> Result<
                 unsafe { views.look(frame, &mut segments, tile.origin, &given) };
                 around.take(frame, tile.origin, views.reach);
                 with_channels!(size.channels, C => {
-                    views.visit(&mut around, |gather: &mut Gather<C>, _, view| {
+                    gather::visit(&mut views, &mut around, |gather: &mut Gather<C>, _, view| {
                         gather.add(frame.simd, view, None);
                     });
                 });

@@ -2,7 +2,7 @@
 
 use super::around::Around;
 use super::bands::{Band, WAVE, bands, read};
-use super::gather::Gather;
+use super::gather::{self, Gather};
 use super::highlights::{self, Light};
 use super::views::Views;
 use super::window::{Kept, Sums, Window};
@@ -139,7 +139,7 @@ fn of_band(frame: &Frame, size: Size, band: &Band, cotangent: &[f32]) -> Result<
         around.find_slopes(frame);
         let samples = frame.samples(*samples);
         with_channels!(size.channels, C => {
-            views.visit(&mut around, |gather: &mut Gather<C>, sample, view| {
+            gather::visit(&mut views, &mut around, |gather: &mut Gather<C>, sample, view| {
                 gather.add(frame.simd, view, Some(&samples[sample]));
             });
         });

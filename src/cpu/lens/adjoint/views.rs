@@ -1,7 +1,6 @@
 //! What the lens samples of a tile see: the cell that the ray of each pixel meets.
 
-use super::around::Around;
-use super::gather::Gather;
+use super::met::Met;
 use crate::cpu::lens::culling::PART;
 use crate::cpu::lens::frame::Frame;
 use crate::cpu::lens::segments::{ROWS, Segments};
@@ -19,53 +18,6 @@ const STEP: usize = PIXELS + 16;
 const ACROSS: usize = TILE.0 / PART.0;
 const PARTS: usize = ACROSS * (TILE.1 / PART.1);
 
-/// What a ray meets: a layer, and how many columns and rows its cell is away from the pixel.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Met(u32);
-
-impl Met {
-    pub const NOTHING: Met = Met(u32::MAX);
-    /// The pixel's own cell of the first layer.
-    const OWN: Met = Met((Met::MIDDLE as u32) << Met::BITS | Met::MIDDLE as u32);
-    /// A cell is at most 2048 columns or rows and those of its span away.
-    const BITS: u32 = 15;
-    const MIDDLE: i32 = 1 << (Met::BITS - 1);
-
-    /// A cell of a layer at an offset in padded cells.
-    #[inline(always)]
-    fn new(layer: u32, offset: i32, stride: usize) -> Met {
-        let stride = stride as i32;
-        let down = (offset + stride / 2).div_euclid(stride);
-        let across = offset - down * stride;
-        let (across, down) = ((across + Met::MIDDLE) as u32, (down + Met::MIDDLE) as u32);
-        Met(layer << (2 * Met::BITS) | down << Met::BITS | across)
-    }
-
-    /// The number that says all of it.
-    #[inline(always)]
-    pub fn code(self) -> u32 {
-        self.0
-    }
-
-    #[inline(always)]
-    pub fn of_code(code: u32) -> Met {
-        Met(code)
-    }
-
-    #[inline(always)]
-    pub fn layer(self) -> usize {
-        (self.0 >> (2 * Met::BITS)) as usize
-    }
-
-    /// Columns and rows from the pixel to the cell.
-    #[inline(always)]
-    pub fn away(self) -> [i32; 2] {
-        const MASK: u32 = (1 << Met::BITS) - 1;
-        let [across, down] = [self.0 & MASK, self.0 >> Met::BITS & MASK];
-        [across as i32 - Met::MIDDLE, down as i32 - Met::MIDDLE]
-    }
-}
-
 /// What every sample of a tile sees.
 pub struct Views {
     /// For each sample and part of the tile: what all of its pixels meet, if it is the same.
@@ -74,10 +26,15 @@ pub struct Views {
     codes: Buffer<u32>,
     /// What each pixel gives to each of its samples, in each channel.
     shares: Vec<Vec<f32>>,
-    /// The pixels whose samples have all met nothing, and what they give.
-    blind: Vec<(usize, [f32; 4])>,
+    blind: Vec<Blind>,
     /// The most columns or rows that a cell is away.
     pub reach: usize,
+}
+
+/// A pixel whose samples have all met nothing, and what it gives.
+pub struct Blind {
+    pub pixel: usize,
+    pub given: [f32; 4],
 }
 
 /// What one sample of a tile sees.
@@ -145,11 +102,10 @@ impl Views {
                 }
                 if met <= 0.0 {
                     let mut of_pixel = [0.0; 4];
-                    of_pixel
-                        .iter_mut()
-                        .zip(&cotangent.planes)
-                        .for_each(|(v, given)| *v = given[first + lane]);
-                    self.blind.push((first + lane, of_pixel));
+                    for (v, given) in of_pixel.iter_mut().zip(&cotangent.planes) {
+                        *v = given[first + lane];
+                    }
+                    self.blind.push(Blind { pixel: first + lane, given: of_pixel });
                 }
             }
         }
@@ -193,22 +149,11 @@ impl Views {
         }
     }
 
-    /// Visits what each sample sees, by its number. Pixels that have met nothing keep the colour of their own cell of the
-    /// first layer, and are added here.
-    pub fn visit<const C: usize>(
-        &mut self,
-        around: &mut Around,
-        mut visit: impl FnMut(&mut Gather<C>, usize, &View),
-    ) {
+    /// What each pixel gives to each of its samples, those that have met nothing, and what each sample sees.
+    pub fn seen(&mut self) -> (&[Vec<f32>], &[Blind], impl Iterator<Item = View<'_>>) {
         let Views { of_part, codes, shares, blind, .. } = self;
-        for (pixel, given) in blind {
-            let at = around.index(*pixel, Met::OWN);
-            around.layers[0].by_color.iter_mut().zip(given).for_each(|(sum, v)| sum[at] += *v);
-        }
-        let mut gather = Gather { around, shares: std::array::from_fn(|c| &shares[c][..]) };
-        for (sample, (of_part, codes)) in of_part.iter().zip(codes.chunks_exact_mut(STEP)).enumerate() {
-            visit(&mut gather, sample, &View::new(of_part, codes));
-        }
+        let views = of_part.iter().zip(codes.chunks_exact_mut(STEP));
+        (shares, blind, views.map(|(of_part, codes)| View::new(of_part, codes)))
     }
 }
 
