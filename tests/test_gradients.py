@@ -3,6 +3,7 @@
 import dofsim
 import numpy as np
 import pytest
+from dofsim._dofsim import simd_available
 from scipy import ndimage as ndi
 
 LENS = dofsim.Lens(aperture_radius=0.05, focus_distance=2.0, fov=42.0)
@@ -127,6 +128,20 @@ def test_the_number_of_threads_changes_no_bit():
     assert all(np.array_equal(one[name], two[name]) for name in wrt)
 
 
+@pytest.mark.parametrize("name", [name for name in simd_available() if name != "portable"])
+@pytest.mark.parametrize("scene", [clutter, lamps])
+def test_the_instruction_set_changes_no_bit(scene, name, monkeypatch):
+    color, depth = scene()
+    wrt = ("color", "disparity", "aperture_radius", "focus_distance")
+
+    def found(name):
+        monkeypatch.setenv("DOFSIM_SIMD", name)
+        return dofsim.vjp(color, depth, LENS, color, wrt=wrt)
+
+    portable, other = found("portable"), found(name)
+    assert all(np.array_equal(portable[name], other[name]) for name in wrt)
+
+
 def test_what_is_in_focus_gives_the_weights_back():
     color, depth = wall(2.0, 2.0)
     weights = np.random.default_rng(9).standard_normal(color.shape).astype(np.float32)
@@ -189,7 +204,7 @@ def test_the_gradient_of_depth_on_a_surface_is_that_of_renders(scene):
     for cx, cy in ((45, 50), (65, 36), (95, 50)):
         bump = depth * np.exp(-((x - cx) ** 2 + (y - cy) ** 2) / (2.0 * 10.0**2))
         ends = [loss(depth + sign * 4e-3 * bump, lens) for sign in (1, -1)]
-        assert np.vdot(found, bump) == pytest.approx((ends[0] - ends[1]) / 8e-3, rel=0.04)
+        assert np.vdot(found, bump) == pytest.approx((ends[0] - ends[1]) / 8e-3, rel=0.05)
 
 
 def test_the_rim_of_what_is_near_moves_over_what_is_behind():

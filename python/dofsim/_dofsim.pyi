@@ -736,27 +736,23 @@ class Scene:
         threads: int | None = None,
         **options: Unpack[_SpritesOptions],
     ) -> list[tuple[str, float]]: ...
-    @overload
-    def _gradient(
+    def _gradient_by_color(
         self,
         /,
         lens: Lens,
         cotangent: NDArray[np.float32],
         *,
-        depth: Literal[False] = False,
         aperture: Aperture | None = None,
         max_coc_px: float | None = None,
         threads: int | None = None,
         **options: Unpack[_LensOptions],
     ) -> NDArray[np.float32]: ...
-    @overload
-    def _gradient(
+    def _gradient_by_depth(
         self,
         /,
         lens: Lens,
         cotangent: NDArray[np.float32],
         *,
-        depth: Literal[True],
         aperture: Aperture | None = None,
         max_coc_px: float | None = None,
         threads: int | None = None,

@@ -109,7 +109,7 @@ def vjp(
     weights = _weights(cotangent, color, overscan, supersample)
     found: dict[str, Any] = {}
     if not {"color", "alpha"}.isdisjoint(names):
-        by_color = scene._gradient(lens, weights, **words)
+        by_color = scene._gradient_by_color(lens, weights, **words)
         by_color = by_color.reshape(color.shape).astype(color.dtype, copy=False)
         found["color"] = by_color
         if "alpha" in names:
@@ -117,7 +117,7 @@ def vjp(
                 raise ValueError(f'wrt: "alpha" is the last of 4 channels of color; got shape {color.shape}')
             found["alpha"] = by_color[..., 3]
     if not set(names) <= {"color", "alpha"}:
-        by_disparity, by_log_strength, by_focus = scene._gradient(lens, weights, depth=True, **words)
+        by_disparity, by_log_strength, by_focus = scene._gradient_by_depth(lens, weights, **words)
         settings = _settings(lens)
         for name in names:
             if name in _STRENGTHS:

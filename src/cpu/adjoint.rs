@@ -9,7 +9,7 @@ use crate::optics::Optics;
 use crate::picture::{Picture, Size};
 use crate::plan::lens::Settings;
 use crate::rows::with_channels;
-use crate::scene::layered::{self, LayeredScene};
+use crate::scene::layered::LayeredScene;
 use crate::scene::origins::Origins;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -28,7 +28,7 @@ pub struct ByDepth {
 struct Prepared {
     picture: Arc<Picture>,
     layered: Arc<LayeredScene>,
-    origins: Origins,
+    origins: Arc<Origins>,
     optics: Optics,
     settings: Settings,
     weights: Buffer<f32>,
@@ -38,7 +38,7 @@ impl Exposure<'_> {
     /// How the sum of the rendered picture, weighted by `cotangent`, changes with each pixel of the picture: both
     /// interleaved, the one at the size of the output, the other at the picture's own. For the method `lens`, and pictures
     /// of one layer.
-    pub fn adjoint(&self, cotangent: &[f32]) -> Result<Buffer<f32>> {
+    pub fn by_color(&self, cotangent: &[f32]) -> Result<Buffer<f32>> {
         let Prepared { picture, layered, origins, optics, settings, weights } = self.prepared(cotangent)?;
         let Exposure { scene, simd, cancel, .. } = *self;
         let input = lens::Input { picture: &picture, scene: &layered, supersample: scene.supersample };
@@ -109,7 +109,7 @@ impl Exposure<'_> {
         let picture = scene.mapped(&imaging.disparity_map());
         let (optics, settings) = settings.leaning(imaging, &imaging.optics_of(1))?;
         let layered = scene.layered(&picture, &optics, simd, cancel)?;
-        let origins = layered::origins(&picture, scene.lights, optics.k, simd, cancel)?;
+        let origins = scene.origins(&picture, &optics, simd, cancel)?;
         Ok(Prepared { picture, layered, origins, optics, settings, weights: planes(&full, size) })
     }
 }

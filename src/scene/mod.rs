@@ -32,13 +32,14 @@ use crate::optics::{DisparityMap, Optics};
 use crate::picture::{Layer, Picture, Size};
 use crate::simd::Simd;
 use layered::LayeredScene;
+use origins::Origins;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// The largest radius of the circle of confusion that is rendered, in pixels.
 const MAX_RADIUS_PX: f64 = 2048.0;
 
-/// The strength of a lens and a picture with mapped disparity, with the layers that were prepared for both.
-type Prepared = (f64, Arc<Picture>, Arc<LayeredScene>);
+/// The strength of a lens and a picture with mapped disparity, with what was prepared for both.
+type Prepared<T> = (f64, Arc<Picture>, Arc<T>);
 
 /// A picture, and the data that have been prepared from it.
 pub struct Scene {
@@ -52,7 +53,9 @@ pub struct Scene {
     /// The picture with mapped disparity, for the map last used.
     mapped: Mutex<Option<(DisparityMap, Arc<Picture>)>>,
     /// The layers for the lens last used.
-    layered: Mutex<Option<Prepared>>,
+    layered: Mutex<Option<Prepared<LayeredScene>>>,
+    /// What these are made of, if gradients have asked for it.
+    origins: Mutex<Option<Prepared<Origins>>>,
 }
 
 impl Scene {
@@ -61,7 +64,15 @@ impl Scene {
     pub fn new(mut picture: Picture, lights: usize, carried: Option<Carried>, supersample: usize) -> Scene {
         picture.carried = carried.as_ref().map_or_else(Arc::default, |carried| Arc::clone(&carried.groups));
         let picture = Arc::new(picture);
-        Scene { picture, lights, carried, supersample, mapped: Mutex::new(None), layered: Mutex::new(None) }
+        Scene {
+            picture,
+            lights,
+            carried,
+            supersample,
+            mapped: Mutex::new(None),
+            layered: Mutex::new(None),
+            origins: Mutex::new(None),
+        }
     }
 
     /// The picture with its disparity mapped: that of a plain lens.
@@ -91,19 +102,39 @@ impl Scene {
         simd: Simd,
         cancel: &Cancel,
     ) -> Result<Arc<LayeredScene>> {
-        let cached = || self.layered.lock().unwrap_or_else(PoisonError::into_inner);
-        let fits = |(k, own, _): &&Prepared| *k == optics.k && Arc::ptr_eq(own, picture);
-        let at_hand = cached().as_ref().filter(fits).map(|(_, _, layered)| Arc::clone(layered));
         check_radius(picture, optics)?;
-        at_hand.map_or_else(
-            || {
-                let layered = Arc::new(layered::build(picture, self.lights, optics.k, simd, cancel)?);
-                *cached() = Some((optics.k, Arc::clone(picture), Arc::clone(&layered)));
-                Ok(layered)
-            },
-            Ok,
-        )
+        let build = || layered::build(picture, self.lights, optics.k, simd, cancel);
+        prepared(&self.layered, picture, optics.k, build)
     }
+
+    /// The pixels of which these layers are made. They are found again if the cached ones are for another lens.
+    pub(crate) fn origins(
+        &self,
+        picture: &Arc<Picture>,
+        optics: &Optics,
+        simd: Simd,
+        cancel: &Cancel,
+    ) -> Result<Arc<Origins>> {
+        let find = || layered::origins(picture, self.lights, optics.k, simd, cancel);
+        prepared(&self.origins, picture, optics.k, find)
+    }
+}
+
+/// What has been prepared for a picture and the strength of a lens, or is now.
+fn prepared<T>(
+    last: &Mutex<Option<Prepared<T>>>,
+    picture: &Arc<Picture>,
+    k: f64,
+    prepare: impl FnOnce() -> Result<T>,
+) -> Result<Arc<T>> {
+    let cached = || last.lock().unwrap_or_else(PoisonError::into_inner);
+    let fits = |(own_k, own, _): &&Prepared<T>| *own_k == k && Arc::ptr_eq(own, picture);
+    if let Some((_, _, at_hand)) = cached().as_ref().filter(fits) {
+        return Ok(Arc::clone(at_hand));
+    }
+    let new = Arc::new(prepare()?);
+    *cached() = Some((k, Arc::clone(picture), Arc::clone(&new)));
+    Ok(new)
 }
 
 /// Refuses a lens whose largest circle of confusion exceeds [`MAX_RADIUS_PX`].

@@ -6,7 +6,7 @@ use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::mirror::mirrored;
 use crate::picture::Size;
-use crate::plan::lens::disc::{APART, Surface, extent, position, range_of};
+use crate::plan::lens::disc::{APART, Surface, extent, position, range_of, share};
 use crate::plan::lens::kernels::Kernels;
 use crate::rows::with_channels;
 use crate::scene::colors::Colors;
@@ -222,8 +222,7 @@ impl Gather<'_> {
             positions.iter_mut().zip(s).for_each(|(p, &s)| *p = position(s, self.s_focus));
             out.planes.iter_mut().for_each(|plane| plane[y * TILE.0 + x..][..LANES].fill(0.0));
             for step in range_of(positions[..n].iter().copied()) {
-                let share = |p: f64| (1.0 - (p - f64::from(step)).abs()).max(0.0) as f32;
-                let shares = positions.map(share);
+                let shares = positions.map(|p| share(p, step));
                 if shares[..n] == [0.0; LANES][..n] {
                     continue;
                 }

@@ -114,6 +114,11 @@ impl Segments {
         self.ends.len()
     }
 
+    /// The number behind that of a sample's last segment.
+    pub fn end(&self, sample: usize) -> u32 {
+        self.ends[sample]
+    }
+
     /// The sample to which a segment belongs.
     pub fn sample_of(&self, segment: u32) -> usize {
         self.ends.partition_point(|end| *end <= segment)

@@ -31,6 +31,12 @@ pub fn position_slope(t: f64) -> f64 {
     kernels::steps_per_px(t) / f64::from(APART)
 }
 
+/// The share of the disc at a step in the picture of a pixel at a position.
+#[inline(always)]
+pub fn share(position: f64, step: i32) -> f32 {
+    (1.0 - (position - f64::from(step)).abs()).max(0.0) as f32
+}
+
 /// The discs between which these positions lie.
 pub fn range_of(positions: impl Iterator<Item = f64>) -> RangeInclusive<i32> {
     let (least, greatest) =

@@ -5,7 +5,7 @@ use crate::aperture::Kernel;
 use crate::cpu::lens::frame::Frame;
 use crate::cpu::lens::tile_color::TileColor;
 use crate::picture::Size;
-use crate::plan::lens::disc::{APART, Surface, extent, position};
+use crate::plan::lens::disc::{APART, Surface, extent, position, share};
 use crate::scene::grid::TILE;
 
 /// Adds what a tile takes of the first layer.
@@ -36,8 +36,7 @@ pub fn adjoint(
                 positions.iter_mut().zip(s).for_each(|(p, &s)| *p = position(s, frame.s_focus));
                 let at = window.index(origin.0, origin.1 + y);
                 for step in steps.clone() {
-                    let share = |p: f64| (1.0 - (p - f64::from(step)).abs()).max(0.0) as f32;
-                    let shares = positions.map(share);
+                    let shares = positions.map(|p| share(p, step));
                     if shares[..across].iter().all(|share| *share == 0.0) {
                         continue;
                     }

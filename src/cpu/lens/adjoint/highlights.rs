@@ -54,6 +54,9 @@ impl RunningSums {
 /// Adds what a tile takes of the highlights that reach it.
 pub fn adjoint(frame: &Frame, number: usize, tile: &Tile, cotangent: &TileColor, into: &mut Vec<Light>) {
     let (pass, highlights) = (frame.highlight_pass(), &frame.highlights);
+    if highlights.of_tile(number).next().is_none() {
+        return;
+    }
     let mut whole = None;
     let mut hidden: Box<Hidden> = Box::new([0.0; TILE.0 * TILE.1]);
     for cluster in highlights.of_tile(number) {

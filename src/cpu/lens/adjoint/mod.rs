@@ -5,13 +5,16 @@
 //! map is walked backward, step by step, with the same weights. Every tile adds to the cells that it has met, so tiles
 //! that are done at the same time have their own planes to add to; these are added up in the order of the rows.
 
+mod around;
 mod bands;
 mod disc;
+mod gather;
 mod highlights;
 mod in_focus;
+mod met;
 mod sharpening;
 mod shifts;
-mod sweep;
+mod views;
 mod window;
 
 pub use shifts::of_shifts;
@@ -28,12 +31,16 @@ use crate::optics::Optics;
 use crate::picture::Size;
 use crate::plan::lens::Settings;
 use crate::plan::lens::tiles::{Work, Works};
+use crate::rows::with_channels;
 use crate::scene::origins::{Form, Origin, Origins};
 use crate::simd::Simd;
+use around::Around;
 use bands::{Band, WAVE, bands, read};
+use gather::Gather;
 use highlights::Light;
 use rayon::prelude::*;
-use window::{Sums, Window};
+use views::Views;
+use window::{Kept, Sums, Window};
 
 /// The adjoint of [`render`](super::render) for the colours of a picture of one layer: `cotangent` and the result are
 /// planes of its size. `origins` are those of the scene.
@@ -49,7 +56,7 @@ pub fn adjoint(
     let size = input.picture.size;
     let frame = Frame::new(input, optics, settings, Works::Least, simd, cancel)?;
     let guide = Group { sharpening: Sharpening::Guided, ..Group::of_picture(input, &frame.highlights) };
-    let mut sums = Sums::new(size, input.scene.layers.len());
+    let mut sums = Sums::new(size, Kept::All, input.scene.layers.len());
     let mut light = vec![[0.0f32; 4]; frame.highlights.all.len()];
     for wave in bands(&frame).chunks(WAVE) {
         let done = wave.par_iter().map(|band| of_band(&frame, size, band, cotangent));
@@ -81,8 +88,9 @@ pub fn adjoint(
 /// What the tiles of a band add to pixels and cells, and to highlights.
 fn of_band(frame: &Frame, size: Size, band: &Band, cotangent: &[f32]) -> Result<(Window, Vec<Light>)> {
     let layers = &frame.input.scene.layers;
-    let mut window = Window::new(&frame.padded.padding, size.channels, layers.len(), band.rows());
+    let mut window = Window::new(&frame.padded.padding, Kept::All, size.channels, layers.len(), band.rows());
     let (mut lights, mut segments) = (Vec::new(), Segments::default());
+    let (mut views, mut around) = (Views::new(size.channels), Around::new(size.channels, layers.len()));
     let (mut given, mut exact) = (TileColor::new(size.channels), TileColor::new(size.channels));
     for (number, tile) in (band.first_tile..).zip(band.tiles) {
         frame.cancel.check()?;
@@ -102,7 +110,14 @@ fn of_band(frame: &Frame, size: Size, band: &Band, cotangent: &[f32]) -> Result<
                 }
                 frame.trace(&mut segments, tile, *samples, occupied);
                 // SAFETY: the segments have just been traced there.
-                unsafe { sweep::adjoint(frame, &mut segments, tile.origin, &given, &mut window) };
+                unsafe { views.look(frame, &mut segments, tile.origin, &given) };
+                around.take(frame, tile.origin, views.reach);
+                with_channels!(size.channels, C => {
+                    gather::visit(&mut views, &mut around, |gather: &mut Gather<C>, _, view| {
+                        gather.add(frame.simd, view, None);
+                    });
+                });
+                around.add_to(&mut window);
             }
         }
     }

@@ -9,11 +9,11 @@ use std::ops::Range;
 /// The padded rows around a band of tiles, to which the band adds. All planes are of the same size.
 pub struct Window {
     padding: Padding,
-    channels: usize,
+    /// Planes of each target.
+    each: usize,
     /// The first padded row.
     first_row: usize,
-    /// For pixels as they were given, for the first layer as exact discs show it, and for each layer as it is swept: a
-    /// plane for each channel.
+    kept: Kept,
     planes: Vec<Buffer<f32>>,
 }
 
@@ -28,28 +28,46 @@ pub enum Target {
     Swept(usize),
 }
 
-impl Target {
-    fn number(self) -> usize {
-        match self {
+/// The targets that are kept.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Kept {
+    /// All of them.
+    All,
+    /// What is swept.
+    Swept,
+}
+
+impl Kept {
+    /// Number of targets, for so many layers.
+    fn targets(self, layers: usize) -> usize {
+        self.number(Target::Swept(layers))
+    }
+
+    fn number(self, target: Target) -> usize {
+        let swept = match self {
+            Kept::All => 2,
+            Kept::Swept => 0,
+        };
+        match target {
             Target::Given => 0,
             Target::Level => 1,
-            Target::Swept(layer) => 2 + layer,
+            Target::Swept(layer) => swept + layer,
         }
     }
 }
 
 impl Window {
-    /// Zeros around these rows of the frame.
-    pub fn new(padding: &Padding, channels: usize, layers: usize, rows: Range<usize>) -> Window {
+    /// Zeros around these rows of the frame, `each` planes for every target.
+    pub fn new(padding: &Padding, kept: Kept, each: usize, layers: usize, rows: Range<usize>) -> Window {
         // A row of the frame is `pad` rows further down in the padded one, and rays reach as far up.
         let cells = (rows.len() + 2 * padding.pad) * padding.stride;
-        let planes = (0..(2 + layers) * channels).map(|_| Buffer::full(cells, 0.0)).collect();
-        Window { padding: *padding, channels, first_row: rows.start, planes }
+        let planes = (0..kept.targets(layers) * each).map(|_| Buffer::full(cells, 0.0)).collect();
+        Window { padding: *padding, each, first_row: rows.start, kept, planes }
     }
 
-    /// The planes of a target, one for each channel.
+    /// The planes of a target that is kept.
     pub fn planes(&mut self, target: Target) -> &mut [Buffer<f32>] {
-        &mut self.planes[target.number() * self.channels..][..self.channels]
+        &mut self.planes[self.kept.number(target) * self.each..][..self.each]
     }
 
     /// Where a pixel of the frame is in the planes.
@@ -62,18 +80,13 @@ impl Window {
         self.first_row * self.padding.stride
     }
 
-    /// Number of layers that are swept.
-    pub fn layers(&self) -> usize {
-        self.planes.len() / self.channels - Target::Swept(0).number()
-    }
-
     /// Cells from one row to the next.
     pub fn stride(&self) -> usize {
         self.padding.stride
     }
 }
 
-/// The sums of a whole frame: for each target, planes of all channels.
+/// The sums of a whole frame: for each target that is kept, its planes one after another.
 pub struct Sums {
     size: Size,
     pub given: Buffer<f32>,
@@ -82,9 +95,16 @@ pub struct Sums {
 }
 
 impl Sums {
-    pub fn new(size: Size, layers: usize) -> Sums {
+    /// Zeros; the channels of `size` are the planes of each target.
+    pub fn new(size: Size, kept: Kept, layers: usize) -> Sums {
         let zeros = || Buffer::full(size.pixels() * size.channels, 0.0);
-        Sums { size, given: zeros(), level: zeros(), swept: (0..layers).map(|_| zeros()).collect() }
+        let unless_swept = || if kept == Kept::All { zeros() } else { Buffer::unset(0) };
+        Sums {
+            size,
+            given: unless_swept(),
+            level: unless_swept(),
+            swept: (0..layers).map(|_| zeros()).collect(),
+        }
     }
 
     /// Adds a window. What lies beyond the border is the mirror image of what is added to.

@@ -1,7 +1,8 @@
-//! The operations of the sweep on a row of cells, for each instruction set.
+//! The operations of the sweep and of its adjoint on a row of cells, for each instruction set.
 //!
 //! All implementations give the same bits: comparisons are exact, and sums are plain additions in the same order.
 
+mod floats;
 mod operations;
 mod portable;
 #[cfg(test)]
@@ -9,6 +10,9 @@ mod tests;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
+#[cfg(target_arch = "x86_64")]
+pub use floats::Avx2Floats;
+pub use floats::{FLOATS, Floats};
 pub use operations::{CellRay, HalfPlaneRow, Lanes};
 pub use portable::Portable;
 #[cfg(target_arch = "x86_64")]

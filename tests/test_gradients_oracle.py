@@ -1,0 +1,104 @@
+"""Gradients against an oracle in float64: the same formulas, differentiated by PyTorch."""
+
+import dofsim
+import numpy as np
+import pytest
+from scipy import ndimage as ndi
+
+torch = pytest.importorskip("torch")
+
+from oracle import gradients as oracle  # noqa: E402
+
+SHAPE = (48, 72)
+FOCUS = 0.5
+Y, X = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float)
+# How much of each pixel a disc covers.
+INSIDE = np.clip(16.5 - np.hypot(X - 35.5, Y - 23.5), 0.0, 1.0)[..., None]
+
+
+def texture(seed):
+    # Without detail that blur by a pixel, which bilinear sampling is, would take away.
+    smooth = ndi.gaussian_filter(np.random.default_rng(seed).standard_normal((*SHAPE, 3)), (3.0, 3.0, 0.0))
+    return 0.5 + 0.2 * smooth / smooth.std()
+
+
+def slope():
+    """Give a surface that goes through the focus, and nothing in front of it."""
+    return np.zeros((*SHAPE, 4)), texture(1), np.full(SHAPE, 0.8), 1.0 / (1.5 + 3.0 * X / SHAPE[1])
+
+
+def disc():
+    """Give an uneven disc before a wall without texture: what the disc hides is no guess."""
+    near = INSIDE * np.concatenate([texture(2), np.ones((*SHAPE, 1))], axis=2)
+    uneven = 1.0 / (1.3 + 0.1 * np.sin(X / 15.0) * np.cos(Y / 12.0))
+    return near, np.full((*SHAPE, 3), 0.3), uneven, np.full(SHAPE, 0.2)
+
+
+def seen(near, far, near_disparity, far_disparity, k, d_focus=FOCUS):
+    """Give the oracle's picture."""
+    planes = [torch.tensor(np.moveaxis(picture, 2, 0)) for picture in (near, far)]
+    shifts = [torch.tensor(k * (disparity - d_focus)) for disparity in (near_disparity, far_disparity)]
+    return np.moveaxis(oracle.picture(*planes, *shifts, oracle.disc_points(200)).numpy(), 0, 2)
+
+
+def of_one_layer(near, far, near_disparity, far_disparity):
+    """Give the same scene as a picture with disparity."""
+    color = near[..., :3] + (1.0 - near[..., 3:]) * far
+    return color.astype(np.float32), np.where(near[..., 3] >= 0.5, near_disparity, far_disparity)
+
+
+def lens_of(k):
+    """Give the lens that shifts by `k` pixels for each dioptre."""
+    lens = dofsim.Lens(aperture_radius=0.01, focus_distance=1.0 / FOCUS, fov=42.0)
+    own = abs(float(dofsim.coc(np.ones(SHAPE), lens)[0, 0])) / (1.0 - FOCUS)
+    return lens.replace(aperture_radius=0.01 * k / own)
+
+
+@pytest.mark.parametrize("k", [10.0, 20.0])
+@pytest.mark.parametrize("scene", [slope, disc])
+def test_derivatives_are_those_of_the_oracle(scene, k):
+    near, far, *disparities = scene()
+    color, disparity = of_one_layer(near, far, *disparities)
+    lens = lens_of(k)
+    bumps = [
+        np.exp(-((X - x) ** 2 + (Y - y) ** 2) / (2.0 * 6.0**2)) for x, y in ((25, 24), (44, 20), (36, 38))
+    ]
+    step = 1e-4
+
+    def ends(change):
+        return (change(step) - change(-step)) / (2.0 * step)
+
+    directions = {
+        "aperture": ends(lambda by: seen(near, far, *disparities, k * (1.0 + by))),
+        "focus": ends(lambda by: seen(near, far, *disparities, k, FOCUS + by)),
+    }
+    for i, bump in enumerate(bumps):
+        directions[i] = ends(lambda by, bump=bump: seen(near, far, *(d + by * bump for d in disparities), k))
+    wrt = ("aperture_radius", "focus_distance", "disparity")
+    for name, change in directions.items():
+        # Weighted by the change nothing cancels; without detail it hardly matters that the oracle blurs.
+        weights = ndi.gaussian_filter(change, (2.0, 2.0, 0.0)).astype(np.float32)
+        found = dofsim.vjp(color, 1.0 / disparity, lens, weights, wrt=wrt, views=1024)
+        along = {
+            "aperture": found["aperture_radius"] * lens.aperture_radius,
+            "focus": -found["focus_distance"] / FOCUS**2,
+            **{i: np.vdot(found["disparity"], bump) for i, bump in enumerate(bumps)},
+        }
+        # Bumps on the disc reach over its silhouette.
+        part = 0.06 if isinstance(name, str) else 0.08 if scene is slope else 0.2
+        assert along[name] == pytest.approx(np.vdot(weights, change), rel=part)
+
+
+def test_the_oracle_is_differentiable():
+    random = np.random.default_rng(3)
+    points = oracle.disc_points(5)
+
+    def of(*numbers):
+        near, far, near_disparity, far_disparity, k, d_focus = numbers
+        shifts = [k * (disparity - d_focus) for disparity in (near_disparity, far_disparity)]
+        return oracle.picture(near, far, *shifts, points)
+
+    shapes = [(3, 6, 7), (2, 6, 7), (6, 7), (6, 7)]
+    numbers = [torch.tensor(0.3 + 0.4 * random.random(shape), requires_grad=True) for shape in shapes]
+    settings = [torch.tensor(value, dtype=torch.float64, requires_grad=True) for value in (2.3, 0.41)]
+    assert torch.autograd.gradcheck(of, [*numbers, *settings])
