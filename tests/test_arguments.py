@@ -244,6 +244,8 @@ def test_whole_numbers_of_any_size_are_named(name, value):
         (lambda v: LENS.replace(fov=v), "fov"),
         (lambda v: LENS.replace(tilt=(v, 0.0)), "tilt"),
         (lambda v: LENS.replace(cat_eye=v), "cat_eye"),
+        (lambda v: LENS.replace(coma=v), "coma"),
+        (lambda v: LENS.replace(barn_doors=(1.0, 1.0, v)), "barn_doors"),
         (lambda v: LENS.replace(lateral_color=(0.0, 0.0, v)), "lateral_color"),
         (lambda v: RELATIVE.replace(focus=v), "focus"),
         (lambda v: Aperture(rotation=v), "rotation"),

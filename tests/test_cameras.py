@@ -316,6 +316,7 @@ LENSES = [
     dofsim.Lens(**THIN, axial_color=(0.1, 0.0, -0.1), lateral_color=(0.001, 0.0, -0.001)),
     dofsim.Lens(**THIN, cat_eye=0.5, vignetting="full"),
     camera(breathing=True),
+    dofsim.Lens(**THIN, coma=0.01, astigmatism=-0.02, barn_doors=(1.0, 0.5, 0.3)),
     dofsim.Lens.from_disparity(strength_percent=3.0, focus=0.2, cat_eye=0.3),
 ]
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from dofsim import LensMap
 from dofsim._lens_map import lens_points
+from dofsim._options import make_lens
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy import ndimage
 
@@ -420,6 +421,17 @@ def test_spherical_aberration_is_in_the_map():
         render(lamp((9, 9)), 1.0, LENS.replace(psf=THIN), aperture=dofsim.Aperture(spherical=0.5))
 
 
+def test_a_lens_file_names_a_map(tmp_path):
+    THIN.save(tmp_path / "thin.npz")
+    words = {
+        "strength_px": 1.0,
+        "focus": 0.0,
+        "psf": str(tmp_path / "thin.npz"),
+        "barn_doors": [1.0, 0.5, 0.2],
+    }
+    assert make_lens(words) == LENS.replace(psf=THIN, barn_doors=(1.0, 0.5, 0.2))
+
+
 def test_a_file_that_is_no_map_is_named(tmp_path):
     path = tmp_path / "lens.npz"
     path.write_bytes(b"nothing")
@@ -490,8 +502,7 @@ def test_a_double_gauss_draws_points_as_its_rays_land(height, distance):
     radius, by_rays = (np.sqrt(2 * max(v, 0.0)) for v in (variance, landed.var(0).sum()))
     overlap = np.minimum(image, expected).sum()
     assert light == pytest.approx(1.0, abs=1e-4)
-    # The map is that of the place of the point, as it is seen; rays pass the focus a blur away from it.
-    assert_allclose(mean, landed.mean(0), atol=0.02)
-    # Spots of about a pixel are drawn by how they change textures, not by the area of pixels.
+    # Spots of about a pixel are swept: of 64 lens points, and by how they change textures, not by their area.
+    assert_allclose(mean, landed.mean(0), atol=0.02 if by_rays > 3 else 0.06)
     assert radius == pytest.approx(by_rays, rel=0.03, abs=0.01 if by_rays > 3 else 0.3)
     assert overlap > (0.94 if by_rays > 3 else 0.75)

@@ -36,11 +36,30 @@ struct Planes {
     of_channels: Vec<[Vec<f32>; 2]>,
 }
 
-/// The image of a cluster's members of one radius step.
+/// An image of which members of a cluster have shares.
 struct Image<'a> {
     cluster: &'a Cluster,
-    step: i32,
+    of: Of,
     of_point: PointImage,
+}
+
+/// What an image is of.
+#[derive(Debug, Clone, Copy)]
+enum Of {
+    /// A shift that all members have.
+    Shift,
+    /// A radius step.
+    Step(i32),
+}
+
+impl Of {
+    /// The share that a highlight has of the image.
+    fn share(self, h: &Highlight) -> f32 {
+        match self {
+            Of::Shift => 1.0,
+            Of::Step(step) => h.discs().filter(|(own, _)| *own == step).map(|(_, share)| share).sum(),
+        }
+    }
 }
 
 /// The parts of a cluster's light that the cells of the opening do not let through.
@@ -169,8 +188,7 @@ fn add_image(
     (first, width): (usize, usize),
     band: &mut [&mut [f32]],
 ) {
-    let share: f32 = h.discs().filter(|(step, _)| *step == image.step).map(|(_, share)| share).sum();
-    let share = share * h.aberrated;
+    let share = image.of.share(h) * h.aberrated;
     if share == 0.0 {
         return;
     }
@@ -194,19 +212,22 @@ fn add_image(
     }
 }
 
-/// The images of a cluster: one for each radius step of its members.
+/// The images of a cluster: one if its members have one shift, or one for each of their radius steps.
 fn images<'a>(frame: &Frame, lens: &Aberrated, cluster: &'a Cluster, cells: &Cells) -> Vec<Image<'a>> {
     let middle = &frame.highlights.all[cluster.middle];
-    let members = frame.highlights.all[cluster.members.clone()].iter().filter(|h| h.aberrated > 0.0);
-    let steps: BTreeSet<i32> = members.flat_map(|h| h.discs().map(|(step, _)| step)).collect();
+    let members = || frame.highlights.all[cluster.members.clone()].iter().filter(|h| h.aberrated > 0.0);
+    let steps: BTreeSet<i32> = members().flat_map(|h| h.discs().map(|(step, _)| step)).collect();
     let at = [f64::from(middle.x), f64::from(middle.y)];
     let place = lens.at(at);
     let shade = Shade::new(frame, cluster, middle, cells.radius);
     let clip = frame.clip.as_ref().map(|clip| (clip, at));
-    let image = |step: i32| Image {
+    let image = |of: Of, t: f64| Image {
         cluster,
-        step,
-        of_point: PointImage::new(&place, cells, kernels::shift(step * APART), clip, |l| shade.visible(l)),
+        of,
+        of_point: PointImage::new(&place, cells, t, clip, |l| shade.visible(l)),
     };
-    steps.into_iter().map(image).collect()
+    if members().all(|h| h.t == middle.t) {
+        return vec![image(Of::Shift, middle.t)];
+    }
+    steps.into_iter().map(|step| image(Of::Step(step), kernels::shift(step * APART))).collect()
 }

@@ -1,7 +1,7 @@
 //! A lens with transverse aberrations: the rays of a tile, and how far they go.
 //!
 //! A tile shares its lens samples, but the aberrations change from pixel to pixel. They are evaluated at the corners of
-//! blocks. For each sample, a pixel follows the ray of one corner of its block, chosen by comparing two numbers of the
+//! blocks, or of whole tiles where much is blurred anyhow. For each sample, a pixel follows the ray of one corner of its block, chosen by comparing two numbers of the
 //! sample with the pixel's place between the corners: so that over many samples, it follows each as often as it counts
 //! in a bilinear interpolation. Blocks share their corners, so there is no seam between them nor between tiles.
 
@@ -213,36 +213,42 @@ impl Reaches {
     }
 }
 
-/// Corners of blocks along each axis of a tile.
-const CORNERS: [usize; 2] = [TILE.0 / BLOCK + 1, TILE.1 / BLOCK + 1];
+/// Up to this number of samples, which is that of discs of ten pixels, aberrations are evaluated at the corners of blocks,
+/// and beyond at those of tiles: what the mean of four images adds to the blur is then nothing beside it, and every
+/// corner has its own rays to trace.
+const OF_BLOCKS: usize = 128;
 
-/// Which columns or rows of a tile, as bits, choose each of its corners, for a number from 0 to 1.
-fn choosing<const N: usize>(pick: f64) -> [u64; N] {
-    // From this one on in each block, pixels are nearer to its farther corner than the number.
-    let nearer = (pick * BLOCK as f64) as u32 + 1;
-    let (all, below) = ((1u64 << BLOCK) - 1, (1u64 << nearer) - 1);
-    std::array::from_fn(|i| {
-        let own = if i + 1 < N { (all & below) << (i * BLOCK) } else { 0 };
-        let before = if i > 0 { (all & !below) << ((i - 1) * BLOCK) } else { 0 };
+/// Which columns or rows of a tile, as bits, choose each of its corners, `side` pixels apart, for a number from 0 to 1.
+fn choosing(pick: f64, side: usize, extent: usize) -> Vec<u64> {
+    let first_bits = |n: usize| u64::MAX.checked_shr(64 - n as u32).unwrap_or(0);
+    // From this one on, pixels are nearer to the farther corner of their block than the number.
+    let nearer = first_bits((pick * side as f64) as usize + 1);
+    let farther = first_bits(side) & !nearer;
+    let last = extent / side;
+    let choosing = |i: usize| {
+        let own = if i < last { nearer << (i * side) } else { 0 };
+        let before = if i > 0 { farther << ((i - 1) * side) } else { 0 };
         own | before
-    })
+    };
+    (0..=last).map(choosing).collect()
 }
 
 /// The rays of the tile at `origin`, and which of its pixels follow each: every pixel follows one for each sample, but
 /// for those that do not arrive.
 pub fn rays(lens: &Aberrated, origin: (usize, usize), samples: &[LensSample]) -> Vec<(LensSample, Seen)> {
+    let sides = if samples.len() <= OF_BLOCKS { [BLOCK; 2] } else { [TILE.0, TILE.1] };
     let corner = |column: usize, row: usize| {
-        lens.at([(origin.0 + column * BLOCK) as f64, (origin.1 + row * BLOCK) as f64])
+        lens.at([(origin.0 + column * sides[0]) as f64, (origin.1 + row * sides[1]) as f64])
     };
-    let corners: [[Place; CORNERS[0]]; CORNERS[1]] =
-        std::array::from_fn(|row| std::array::from_fn(|column| corner(column, row)));
-    let mut rays = Vec::with_capacity(CORNERS[0] * CORNERS[1] * samples.len());
+    let row = |row: usize| (0..=TILE.0 / sides[0]).map(|column| corner(column, row)).collect();
+    let corners: Vec<Vec<Place>> = (0..=TILE.1 / sides[1]).map(row).collect();
+    let mut rays = Vec::with_capacity(corners.len() * corners[0].len() * samples.len());
     for sample in samples {
-        let columns: [u64; CORNERS[0]] = choosing(sample.pick[0]);
-        let rows: [u64; CORNERS[1]] = choosing(sample.pick[1]);
-        for (places, rows) in corners.iter().zip(rows) {
-            for (place, columns) in
-                places.iter().zip(columns).filter(|(_, columns)| rows != 0 && *columns != 0)
+        let columns = choosing(sample.pick[0], sides[0], TILE.0);
+        let rows = choosing(sample.pick[1], sides[1], TILE.1);
+        for (places, &rows) in corners.iter().zip(&rows) {
+            for (place, &columns) in
+                places.iter().zip(&columns).filter(|(_, columns)| rows != 0 && **columns != 0)
             {
                 if let Some(ray) = place.ray(sample) {
                     let seen = std::array::from_fn(|y| if rows >> y & 1 != 0 { columns } else { 0 });
@@ -260,20 +266,23 @@ mod tests {
 
     #[test]
     fn every_pixel_chooses_one_corner_of_its_block_as_often_as_it_is_near() {
-        let n = 1600;
-        let mut chosen = [[0; CORNERS[0]]; TILE.0];
-        for i in 0..n {
-            let columns: [u64; CORNERS[0]] = choosing((f64::from(i) + 0.5) / f64::from(n));
-            assert_eq!(columns.iter().fold(0, |all, own| all ^ own), u64::MAX);
-            for (x, chosen) in chosen.iter_mut().enumerate() {
-                (0..CORNERS[0]).filter(|c| columns[*c] >> x & 1 != 0).for_each(|c| chosen[c] += 1);
+        for (side, extent) in [(BLOCK, TILE.0), (BLOCK, TILE.1), (TILE.0, TILE.0), (TILE.1, TILE.1)] {
+            let n = 100 * side;
+            let mut chosen = vec![vec![0; extent / side + 1]; extent];
+            for i in 0..n {
+                let bits = choosing((i as f64 + 0.5) / n as f64, side, extent);
+                let all = u64::MAX >> (64 - extent);
+                assert_eq!(bits.iter().fold(0, |all, own| all ^ own), all);
+                for (x, chosen) in chosen.iter_mut().enumerate() {
+                    (0..bits.len()).filter(|c| bits[*c] >> x & 1 != 0).for_each(|c| chosen[c] += 1);
+                }
             }
-        }
-        for (x, chosen) in chosen.iter().enumerate() {
-            let farther = (x % BLOCK) as f64 / BLOCK as f64;
-            let share = |corner: usize| f64::from(chosen[corner]) / f64::from(n);
-            assert!((share(x / BLOCK + 1) - farther).abs() < 1e-9, "column {x}");
-            assert!((share(x / BLOCK) + farther - 1.0).abs() < 1e-9, "column {x}");
+            for (x, chosen) in chosen.iter().enumerate() {
+                let farther = (x % side) as f64 / side as f64;
+                let share = |corner: usize| f64::from(chosen[corner]) / n as f64;
+                assert!((share(x / side + 1) - farther).abs() < 1e-9, "pixel {x}");
+                assert!((share(x / side) + farther - 1.0).abs() < 1e-9, "pixel {x}");
+            }
         }
     }
 }

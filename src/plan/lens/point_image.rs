@@ -8,7 +8,7 @@ use super::aberrated::Place;
 use super::optical_vignetting::PupilClip;
 use crate::aperture::Aperture;
 
-/// Cells along the radius of the opening: as many as pixels along two radii of the image, but for these bounds. The
+/// Cells along the radius of the opening: as many as pixels along that of the image or more, but for these bounds. The
 /// rim of larger images is as soft as a cell, less than a hundredth of their radius.
 const FEWEST: i32 = 32;
 const MOST: i32 = 128;
@@ -24,7 +24,7 @@ pub struct Cells {
 impl Cells {
     /// The number of cells along the radius for an image of this radius: a power of two.
     pub fn radius_for(radius_px: f64) -> i32 {
-        let wanted = (2.0 * radius_px).ceil() as u32;
+        let wanted = radius_px.ceil() as u32;
         (wanted.next_power_of_two() as i32).clamp(FEWEST, MOST)
     }
 
