@@ -164,7 +164,7 @@ impl<'a> Frame<'a> {
         let start = Start { padded, s_focus: *s_focus, origin: tile.origin, occupied, clip: clip.as_ref() };
         let samples = self.samples(samples);
         let (rays, seen) = match &self.aberrated {
-            Some(lens) => aberrated::rays(lens, tile.origin, samples).into_iter().unzip(),
+            Some(lens) => aberrated::rays(lens, (tile.origin, tile.reach_px), samples).into_iter().unzip(),
             None => (Vec::new(), Vec::new()),
         };
         let samples = if self.aberrated.is_some() { &rays } else { samples };

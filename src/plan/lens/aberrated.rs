@@ -213,10 +213,12 @@ impl Reaches {
     }
 }
 
-/// Up to this number of samples, which is that of discs of ten pixels, aberrations are evaluated at the corners of blocks,
-/// and beyond at those of tiles: what the mean of four images adds to the blur is then nothing beside it, and every
-/// corner has its own rays to trace.
-const OF_BLOCKS: usize = 128;
+/// Aberrations are evaluated at the corners of a tile, and not of its blocks, if rays start so many times nearer to one
+/// another there than they reach: the mean of four images then adds a hundredth to the variance of the blur at most, and
+/// every corner has its own rays to trace.
+const NEARER: f64 = 8.0;
+/// Of about so many samples it is found how far apart their rays start.
+const LOOKED_AT: usize = 16;
 
 /// Which columns or rows of a tile, as bits, choose each of its corners, `side` pixels apart, for a number from 0 to 1.
 fn choosing(pick: f64, side: usize, extent: usize) -> Vec<u64> {
@@ -233,15 +235,39 @@ fn choosing(pick: f64, side: usize, extent: usize) -> Vec<u64> {
     (0..=last).map(choosing).collect()
 }
 
-/// The rays of the tile at `origin`, and which of its pixels follow each: every pixel follows one for each sample, but
-/// for those that do not arrive.
-pub fn rays(lens: &Aberrated, origin: (usize, usize), samples: &[LensSample]) -> Vec<(LensSample, Seen)> {
-    let sides = if samples.len() <= OF_BLOCKS { [BLOCK; 2] } else { [TILE.0, TILE.1] };
+/// The corners, by row and column, `sides` pixels apart along each axis, of the tile at `origin`.
+fn corners_of_tile(lens: &Aberrated, origin: (usize, usize), sides: [usize; 2]) -> Vec<Vec<Place<'_>>> {
     let corner = |column: usize, row: usize| {
         lens.at([(origin.0 + column * sides[0]) as f64, (origin.1 + row * sides[1]) as f64])
     };
     let row = |row: usize| (0..=TILE.0 / sides[0]).map(|column| corner(column, row)).collect();
-    let corners: Vec<Vec<Place>> = (0..=TILE.1 / sides[1]).map(row).collect();
+    (0..=TILE.1 / sides[1]).map(row).collect()
+}
+
+/// How far apart in pixels rays of one sample start at some corners, at most.
+fn change_px(corners: &[Vec<Place>], samples: &[LensSample]) -> f64 {
+    let of_sample = |sample: &LensSample| {
+        let mut starts = corners.iter().flatten().map(|place| place.field.course(sample.pupil).start_px);
+        let first = starts.next().unwrap_or_default();
+        starts.map(|start| (start[0] - first[0]).hypot(start[1] - first[1])).fold(0.0, f64::max)
+    };
+    let some = samples.iter().step_by(samples.len().div_ceil(LOOKED_AT).max(1));
+    some.map(of_sample).fold(0.0, f64::max)
+}
+
+/// The rays of the tile at `origin`, which reach so far, and which of its pixels follow each: every pixel follows one for
+/// each sample, but for those that do not arrive.
+pub fn rays(
+    lens: &Aberrated,
+    (origin, reach_px): ((usize, usize), f64),
+    samples: &[LensSample],
+) -> Vec<(LensSample, Seen)> {
+    let mut sides = [TILE.0, TILE.1];
+    let mut corners = corners_of_tile(lens, origin, sides);
+    if NEARER * change_px(&corners, samples) > reach_px {
+        sides = [BLOCK; 2];
+        corners = corners_of_tile(lens, origin, sides);
+    }
     let mut rays = Vec::with_capacity(corners.len() * corners[0].len() * samples.len());
     for sample in samples {
         let columns = choosing(sample.pick[0], sides[0], TILE.0);
