@@ -170,10 +170,6 @@ WRONG = {
     "invalid": ({"invalid": "skip"}, 'invalid must be one of "raise", "far"; got "skip"'),
     "integers": ({"color": np.zeros((24, 32, 3), np.uint8)}, "transfer must be given for integer color"),
     "relative lens": ({"lens": RELATIVE}, 'depth_kind="z" is metric.*from_disparity'),
-    "focus of metres": (
-        {"depth_kind": "relative", "lens": Lens.from_disparity(strength_px=8.0, focus=300.0)},
-        "focus must be a relative depth, from 0 .* to 1 .*; got 300",
-    ),
     "metric lens": ({"depth_kind": "disparity"}, "needs a lens made by Lens.from_disparity"),
     "no near": ({"depth_kind": "zbuffer", "far": 9.0}, "near must be given"),
     "no far": ({"depth_kind": "zbuffer", "near": 1.0}, "far must be given"),

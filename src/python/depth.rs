@@ -46,19 +46,8 @@ pub fn read_depth_kind(arguments: &DepthArguments, lens: &Lens) -> PyResult<Dept
         ))),
         (
             DepthKind::Disparity | DepthKind::Relative | DepthKind::RelativeBetween { .. },
-            Base::Relative { focus_disparity, .. },
-        ) => match kind {
-            // A lens may be focused before or behind all that there is, but not by many times its depth.
-            DepthKind::Relative | DepthKind::RelativeBetween { .. }
-                if !(-1.0..=2.0).contains(&focus_disparity) =>
-            {
-                Err(PyValueError::new_err(format!(
-                    "focus must be a relative depth, from 0 (what is farthest) to 1 (what is nearest), or from -1 to 2 \
-                     to focus beyond them; got {focus_disparity}"
-                )))
-            }
-            _ => Ok(kind),
-        },
+            Base::Relative { .. },
+        ) => Ok(kind),
         (_, Base::Relative { .. }) => Err(PyValueError::new_err(format!(
             "depth_kind={:?} is metric, but the lens was made by Lens.from_disparity, which needs \
              depth_kind=\"disparity\" or \"relative\"",

@@ -68,6 +68,9 @@ impl Views {
         self.of_part.resize(samples, [Met::NOTHING; PARTS]);
         if self.codes.len() < samples * STEP {
             self.codes = Buffer::full(samples * STEP, Met::NOTHING.code());
+        } else if frame.clip.is_some() {
+            // A part of a tile leaves out the samples that none of its pixels sees.
+            self.codes[..samples * STEP].fill(Met::NOTHING.code());
         }
         self.blind.clear();
         self.reach = 0;
