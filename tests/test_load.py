@@ -197,8 +197,8 @@ PHASES = {
         "aperture=dofsim.Aperture(apodization=0.5))",
     ),
     "kernels": (
-        "color = np.where(rng.random((16, 512, 1)) < 0.1, np.float32(1e4), color[:16, :512])\n"
-        "depth = np.tile(1 / np.linspace(1 / 3, 1 / 6, 512, dtype=np.float32), (16, 1))",
+        "color = np.where(rng.random((64, 512, 1)) < 0.02, np.float32(1e4), color[:64, :512])\n"
+        "depth = np.tile(1 / np.linspace(1 / 3, 1 / 6, 512, dtype=np.float32), (64, 1))",
         "dofsim.render(color, depth, lens, aperture=dofsim.Aperture(apodization=0.5))",
     ),
     "hexagonal": ("", "dofsim.render(color, depth, lens, method='hexagonal', max_coc_px=256.0)"),
