@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-import zipfile
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dofsim import _arrays
 from dofsim._dofsim import LensMap
+from dofsim._files import StrPath
 
 _ARRAYS = ("field", "behind", "in_front", "focused")
 
@@ -108,18 +108,16 @@ def from_pictures(
     return LensMap(heights, places("behind", behind), **words)
 
 
-def save(lens_map: LensMap, path: str | os.PathLike[str]) -> None:
+def save(lens_map: LensMap, path: StrPath) -> None:
     """Make `LensMap.save`."""
-    with Path(path).open("wb") as file:
-        np.savez_compressed(file, **{name: getattr(lens_map, name) for name in _ARRAYS})
+    _arrays.write_npz(path, {name: getattr(lens_map, name) for name in _ARRAYS})
 
 
-def load(path: str | os.PathLike[str]) -> LensMap:
+def load(path: StrPath) -> LensMap:
     """Make `LensMap.load`."""
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in _ARRAYS}
-    except (ValueError, KeyError, AttributeError, EOFError, zipfile.BadZipFile) as error:
+        arrays = {name: _arrays.read_npz(path, name, ()) for name in _ARRAYS}
+    except ValueError as error:
         raise ValueError(
             f"{os.fspath(path)}: not a lens map, which is an archive with {', '.join(_ARRAYS)}: {error}"
         ) from error
