@@ -226,18 +226,19 @@ pub fn find(size: Size, layers: &[SceneLayer], front: usize, simd: Simd) -> Foun
             let (color, limit) = (layer.colors.at(index), limit(front.block_of(index)));
             (0..lights).map(|c| color[c] / limit[c].max(f32::MIN_POSITIVE)).fold(1.0, f32::max)
         };
+        let found: Vec<(usize, f32)> = found.into_iter().map(|index| (index, times(index))).collect();
         // From nothing at the limit to all from twice as much on.
-        let crowding = front.crowding(found.iter().map(|&index| (index, (times(index) - 1.0).min(1.0))));
+        let crowding = front.crowding(found.iter().map(|&(index, times)| (index, (times - 1.0).min(1.0))));
         let mut left = vec![1.0f32; crowding.len()];
-        for &index in &found {
+        for &(index, times) in &found {
             let b = front.block_of(index);
-            left[b] = left[b].max(times(index).min(crowding[b]));
+            left[b] = left[b].max(times.min(crowding[b]));
         }
         let excess = |index: usize| {
             let b = front.block_of(index);
             above(&layer.colors.at(index), &limit(b).map(|limit| crowding[b] * limit), lights)
         };
-        let found = found.into_iter().map(|index| (index, excess(index)));
+        let found = found.into_iter().map(|(index, _)| (index, excess(index)));
         let found = found.filter(|(_, excess)| *excess != [0.0; 4]);
         let bright = |(index, excess): (usize, [f32; 4])| {
             let color = layer.colors.at(index);
@@ -248,12 +249,7 @@ pub fn find(size: Size, layers: &[SceneLayer], front: usize, simd: Simd) -> Foun
     };
     let (bright, left): (Vec<_>, Vec<_>) = layers.iter().enumerate().map(of_layer).unzip();
     let most = |b: usize| left.iter().fold(1.0f32, |most, left| most.max(left[b]));
-    Found { bright, left: (0..blocks(size)).map(most).collect() }
-}
-
-/// The number of blocks of a frame.
-fn blocks(size: Size) -> usize {
-    size.width.div_ceil(BLOCK) * size.height.div_ceil(BLOCK)
+    Found { bright, left: (0..front.light.len()).map(most).collect() }
 }
 
 #[cfg(test)]

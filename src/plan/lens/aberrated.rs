@@ -1,9 +1,10 @@
 //! A lens with transverse aberrations: the rays of a tile, and how far they go.
 //!
 //! A tile shares its lens samples, but the aberrations change from pixel to pixel. They are evaluated at the corners of
-//! blocks, or of whole tiles where much is blurred anyhow. For each sample, a pixel follows the ray of one corner of its block, chosen by comparing two numbers of the
-//! sample with the pixel's place between the corners: so that over many samples, it follows each as often as it counts
-//! in a bilinear interpolation. Blocks share their corners, so there is no seam between them nor between tiles.
+//! blocks, or of whole tiles where much is blurred anyhow. For each sample, a pixel follows the ray of one corner of its
+//! block, chosen by comparing two numbers of the sample with the pixel's place between the corners: so that over many
+//! samples, it follows each as often as it counts in a bilinear interpolation. Blocks share their corners, so there is no
+//! seam between them nor between tiles.
 
 use super::lens_samples::LensSample;
 use super::optical_vignetting::Seen;
@@ -32,7 +33,7 @@ pub struct Bounds {
     /// How far their lens points are from those of a thin lens, and how far inside of the rim light is lost.
     lens: f64,
     lost: f64,
-    /// The radius of a disc with the variance of what is drawn of a point in focus.
+    /// The radius of a disc with the variance of what is drawn of a point in focus; of a tile only.
     pub spread_px: f64,
 }
 
@@ -57,7 +58,8 @@ impl Bounds {
 pub struct Place<'a> {
     field: Field<'a>,
     lens: &'a Aberrated,
-    farthest_px: f64,
+    /// How far rays go.
+    pub bounds: Bounds,
 }
 
 /// A vector, shortened to this length.
@@ -75,8 +77,8 @@ impl Aberrated {
     /// The lens at a pixel.
     pub fn at(&self, place: [f64; 2]) -> Place<'_> {
         let field = self.transverse.at(place);
-        let farthest_px = self.bounds_of(&field.deviation()).offset_px;
-        Place { field, lens: self, farthest_px }
+        let bounds = self.bounds_of(&field.deviation());
+        Place { field, lens: self, bounds }
     }
 
     /// The bounds of a lens that differs so far from a thin one, but for its spread.
@@ -105,11 +107,6 @@ impl Aberrated {
 }
 
 impl Place<'_> {
-    /// How far rays go.
-    pub fn bounds(&self) -> Bounds {
-        Bounds { spread_px: self.field.radius_in_focus_px(), ..self.lens.bounds_of(&self.field.deviation()) }
-    }
-
     /// The offset of a ray from its pixel in focus, and its lens points in front of the focus and behind it, within the
     /// unit disc; those of a thin lens are given.
     ///
@@ -128,7 +125,7 @@ impl Place<'_> {
         let start = course.start_px;
         let further = leant(start) / upright;
         let start = [0, 1].map(|i| start[i] + lens[1][i] * further);
-        (at_most(self.farthest_px, start), lens.map(|l| at_most(1.0, l)))
+        (at_most(self.bounds.offset_px, start), lens.map(|l| at_most(1.0, l)))
     }
 
     /// The ray of a sample, if it arrives.

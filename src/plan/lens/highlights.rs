@@ -80,7 +80,7 @@ impl Highlight {
         lights: usize,
         lens: Option<&Aberrated>,
     ) -> Highlight {
-        let bounds = lens.map(|lens| lens.at([x as f64, y as f64]).bounds());
+        let bounds = lens.map(|lens| lens.at([x as f64, y as f64]).bounds);
         let aberrated = bounds.map_or(0.0, |bounds| 1.0 - bounds.thin(t.abs()));
         let radius_px = t.abs() + bounds.map_or(0.0, |bounds| bounds.offset_px);
         let position = disc::position_of(t);

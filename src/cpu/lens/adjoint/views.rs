@@ -68,7 +68,7 @@ impl Views {
         self.of_part.resize(samples, [Met::NOTHING; PARTS]);
         if self.codes.len() < samples * STEP {
             self.codes = Buffer::full(samples * STEP, Met::NOTHING.code());
-        } else if frame.clip.is_some() {
+        } else if !segments.seen.is_empty() {
             // A part of a tile leaves out the samples that none of its pixels sees.
             self.codes[..samples * STEP].fill(Met::NOTHING.code());
         }
