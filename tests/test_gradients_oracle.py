@@ -47,10 +47,10 @@ def of_one_layer(near, far, near_disparity, far_disparity):
     return color.astype(np.float32), np.where(near[..., 3] >= 0.5, near_disparity, far_disparity)
 
 
-def lens_of(k):
+def lens_of(k, shape=SHAPE):
     """Give the lens that shifts by `k` pixels for each dioptre."""
     lens = dofsim.Lens(aperture_radius=0.01, focus_distance=1.0 / FOCUS, fov=42.0)
-    own = abs(float(dofsim.coc(np.ones(SHAPE), lens)[0, 0])) / (1.0 - FOCUS)
+    own = abs(float(dofsim.coc(np.ones(shape), lens)[0, 0])) / (1.0 - FOCUS)
     return lens.replace(aperture_radius=0.01 * k / own)
 
 
@@ -87,6 +87,68 @@ def test_derivatives_are_those_of_the_oracle(scene, k):
         # Bumps on the disc reach over its silhouette.
         part = 0.06 if isinstance(name, str) else 0.08 if scene is slope else 0.2
         assert along[name] == pytest.approx(np.vdot(weights, change), rel=part)
+
+
+WAVES = [
+    (0.27, 0.4, 1.0), (0.33, 2.2, 5.0), (0.19, 1.3, 3.0), (0.41, 2.9, 0.5), (0.24, 0.9, 2.0), (0.37, 1.8, 4.0)
+]  # fmt: skip
+
+
+def waves(x, y):
+    """Give a texture without detail that pixels could not hold."""
+    return 0.5 + sum(0.05 * np.cos(w * (np.cos(a) * x + np.sin(a) * y) + p) for w, a, p in WAVES)
+
+
+SURFACES = {
+    "wall": lambda x, y: 0.25 + 0.0 * x,
+    "slope": lambda x, y: 0.22 + 0.2 * x / 160.0,
+    "diagonal": lambda x, y: 0.9 - 0.15 * x / 160.0 - 0.15 * y / 96.0,
+    "bowl": lambda x, y: 0.05 + 0.3 * (((x - 80.0) / 80.0) ** 2 + ((y - 48.0) / 80.0) ** 2),
+    "dome": lambda x, y: 0.95 - 0.3 * (((x - 80.0) / 80.0) ** 2 + ((y - 48.0) / 80.0) ** 2),
+}
+
+
+@pytest.mark.parametrize("radius_px", [6.0, 12.0])
+@pytest.mark.parametrize("surface", SURFACES)
+def test_on_a_surface_depth_has_the_gradient_of_the_lens_integral(surface, radius_px):
+    y, x = np.mgrid[:96, :160].astype(float)
+    disparity = SURFACES[surface](x, y)
+    k = radius_px / np.abs(disparity - FOCUS).max()
+    lens = lens_of(k, disparity.shape)
+    color = np.repeat(waves(x, y)[..., None], 3, axis=2).astype(np.float32)
+    # As far from the border as light comes.
+    inside = (abs(x - 80.0) < 56.0) & (abs(y - 48.0) < 28.0)
+    pixels, step = (x[inside], y[inside]), 1e-4
+
+    def ends(change):
+        ends = [
+            oracle.of_surface(waves, lambda x, y, by=by: k * change(x, y, by), pixels)
+            for by in (step, -step)
+        ]
+        return (ends[0] - ends[1]) / (2.0 * step)
+
+    def along(change, found):
+        weights = np.zeros(color.shape, np.float32)
+        weights[inside] = change[:, None]
+        gradient = dofsim.vjp(color, 1.0 / disparity, lens, weights, wrt=wrt, views=1024)
+        assert found(gradient) == pytest.approx(3.0 * np.vdot(change, change), rel=0.01)
+
+    wrt = ("aperture_radius", "disparity")
+    shift = SURFACES[surface]
+    along(
+        ends(lambda x, y, by: (1.0 + by) * (shift(x, y) - FOCUS)),
+        lambda found: found["aperture_radius"] * lens.aperture_radius,
+    )
+    # On borders of tiles, and between them.
+    for at_x, at_y in ((48, 48), (64, 32), (96, 50)):
+
+        def bump(x, y, at_x=at_x, at_y=at_y):
+            return np.exp(-((x - at_x) ** 2 + (y - at_y) ** 2) / (2.0 * 8.0**2))
+
+        along(
+            ends(lambda x, y, by, bump=bump: shift(x, y) + by * bump(x, y) - FOCUS),
+            lambda found, bump=bump: np.vdot(found["disparity"], bump(x, y)),
+        )
 
 
 def test_the_oracle_is_differentiable():

@@ -5,9 +5,14 @@ ray through one lens point meets each of them where place plus shift is the pixe
 """
 
 import math
+from collections.abc import Callable
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
+
+Plane = NDArray[np.float64]
 
 
 def disc_points(count: int) -> Tensor:
@@ -48,3 +53,32 @@ def picture(near: Tensor, far: Tensor, near_shift: Tensor, far_shift: Tensor, po
         front = sampled(near, met(near_shift, point))
         total = total + front[:-1] + (1.0 - front[-1]) * sampled(far, met(far_shift, point))
     return total / len(points)
+
+
+def quadrature(rings: int = 10, spokes: int = 36) -> list[tuple[float, float, float]]:
+    """Give points of the unit disc with their weights, exact for polynomials: Gauss's in the square of the radius."""
+    places, weights = np.polynomial.legendre.leggauss(rings)
+    angles = 2.0 * np.pi * (np.arange(spokes) + 0.5) / spokes
+    return [
+        (radius * math.cos(angle), radius * math.sin(angle), 0.5 * weight / spokes)
+        for radius, weight in zip(np.sqrt(0.5 + 0.5 * places), weights, strict=True)
+        for angle in angles
+    ]
+
+
+def of_surface(
+    texture: Callable[[Plane, Plane], Plane],
+    shift: Callable[[Plane, Plane], Plane],
+    pixels: tuple[Plane, Plane],
+    steps: int = 8,
+) -> Plane:
+    """Give what a lens sees at some pixels of one surface, both of which are functions of the place: nothing is sampled."""
+    x, y = pixels
+    total = np.zeros_like(x)
+    for across, down, weight in quadrature():
+        at_x, at_y = x, y
+        for _ in range(steps):
+            t = shift(at_x, at_y)
+            at_x, at_y = x + across * t, y + down * t
+        total += weight * texture(at_x, at_y)
+    return total

@@ -1,39 +1,61 @@
 //! The cells around a tile, in arrays of their own: how the picture changes from each to the next, and what is added to them.
 
 use super::met::Met;
-use super::window::{Target, Window};
+use super::views::Reach;
+use super::window::{Region, Target, Window};
 use crate::cpu::lens::frame::Frame;
 use crate::cpu::lens::lanes::FLOATS;
+use crate::cpu::lens::padded_layer::PaddedLayer;
 use crate::scene::grid::TILE;
+
+/// What is added up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Asked {
+    Colors,
+    ColorsAndShifts,
+}
 
 /// All layers around a tile.
 pub struct Around {
     channels: usize,
-    /// Cells from one row to the next, and in front of the tile's first column and row.
-    pub stride: usize,
-    margin: usize,
-    rows: usize,
-    /// The place of the first cell in the padded frame.
-    first: usize,
+    asked: Asked,
+    pub region: Region,
+    /// Whether the first column and row of the tile are those of the frame.
+    pub is_first: [bool; 2],
     pub layers: Vec<Layer>,
 }
 
 /// The cells of one layer around a tile.
 #[derive(Default)]
 pub struct Layer {
-    /// Whether any cell is there.
-    is_there: bool,
-    /// The shift of the middle of each cell's span, and the depth codes that it spans.
-    pub t: Vec<f32>,
+    pub codes: Codes,
+    /// The depth codes that each cell spans.
     pub span: Vec<(u16, u16)>,
     /// A plane for each channel.
     pub color: Vec<Vec<f32>>,
-    /// By how much the next cell along each axis differs, where the surface goes on.
-    pub slopes: [Vec<Vec<f32>>; 2],
+    /// Borders with the next cell along each axis.
+    pub borders: [Borders; 2],
     /// A bit for each axis along which the next cell is of another surface.
     pub ends: Vec<u8>,
-    /// What is added, a plane for each channel.
+    /// What is added, if anything is.
+    pub sums: Option<Sums>,
+}
+
+/// The borders between cells and the next ones of their surface along an axis.
+#[derive(Default)]
+pub struct Borders {
+    /// The shift of each.
+    pub t: Vec<f32>,
+    /// By how much the next cell differs, a plane for each channel; 0 where the surface ends.
+    pub slopes: Vec<Vec<f32>>,
+}
+
+/// What is added to the cells of a layer.
+pub struct Sums {
+    /// A plane for each channel.
     pub by_color: Vec<Vec<f32>>,
+    /// By the shifts of borders along each axis, and of cells. Empty if they are not asked for.
+    pub by_border: [Vec<f32>; 2],
     pub by_shift: Vec<f32>,
 }
 
@@ -45,31 +67,36 @@ pub fn is_one_surface((lo_a, hi_a): (u16, u16), (lo_b, hi_b): (u16, u16), betwee
     u32::from(lo_a) <= reach(hi_b) && u32::from(lo_b) <= reach(hi_a)
 }
 
+/// The middle of what the spans of two neighbours have in common: where the one goes over into the other.
+fn border((lo_a, hi_a): (u16, u16), (lo_b, hi_b): (u16, u16)) -> f32 {
+    0.5 * (f32::from(lo_a.max(lo_b)) + f32::from(hi_a.min(hi_b)))
+}
+
 /// Makes a plane of zeros.
-fn clear(plane: &mut Vec<f32>, len: usize) {
+fn clear<T: Clone + Default>(plane: &mut Vec<T>, len: usize) {
     plane.clear();
-    plane.resize(len, 0.0);
+    plane.resize(len, T::default());
 }
 
 impl Around {
-    pub fn new(channels: usize, layers: usize) -> Around {
-        let layers = (0..layers).map(|_| Layer::default()).collect();
-        Around { channels, stride: 0, margin: 0, rows: 0, first: 0, layers }
+    pub fn new(frame: &Frame, channels: usize, asked: Asked) -> Around {
+        let layers = frame.padded.layers.iter().map(|_| Layer::default()).collect();
+        let region = Region::new(&frame.padded.padding, (0, 0), 0);
+        Around { channels, asked, region, is_first: [false; 2], layers }
     }
 
-    /// Takes the cells that are at most `reach` columns or rows away from the tile at `origin`, with nothing added to them.
-    pub fn take(&mut self, frame: &Frame, origin: (usize, usize), reach: usize) {
+    /// Takes the cells that the tile at `origin` meets, and those beside them, with nothing added to them.
+    pub fn take(&mut self, frame: &Frame, origin: (usize, usize), reach: Reach) {
         // The cells beside them tell how the picture changes.
-        self.margin = (reach + 1).min(frame.padded.padding.pad);
-        (self.stride, self.rows) = (TILE.0 + 2 * self.margin, TILE.1 + 2 * self.margin);
-        let padding = &frame.padded.padding;
-        self.first = padding.index(origin.0, origin.1) - self.margin * (padding.stride + 1);
-        let len = self.stride * self.rows + FLOATS;
-        for layer in &mut self.layers {
-            layer.is_there = false;
-            layer.by_color.resize(self.channels, Vec::new());
-            layer.by_color.iter_mut().for_each(|plane| clear(plane, len));
-            clear(&mut layer.by_shift, len);
+        self.region = Region::new(&frame.padded.padding, origin, reach.cells + 1);
+        self.is_first = [origin.0 == 0, origin.1 == 0];
+        let len = self.region.len();
+        for (number, (layer, from)) in self.layers.iter_mut().zip(&frame.padded.layers).enumerate() {
+            layer.sums = (reach.layers >> number & 1 != 0).then(|| Sums::new(self.channels, self.asked, len));
+            if layer.sums.is_some() && self.asked == Asked::ColorsAndShifts {
+                layer.read(frame, &self.region, from, self.channels);
+                layer.find_borders(self.region.stride);
+            }
         }
     }
 
@@ -77,73 +104,81 @@ impl Around {
     #[inline(always)]
     pub fn index(&self, pixel: usize, met: Met) -> usize {
         let [across, down] = met.away();
-        let at = (pixel / TILE.0 + self.margin) * self.stride + pixel % TILE.0 + self.margin;
-        at.wrapping_add_signed(down as isize * self.stride as isize + across as isize)
+        let at = self.region.index(pixel % TILE.0, pixel / TILE.0);
+        at.wrapping_add_signed(down as isize * self.region.stride as isize + across as isize)
     }
 
-    /// Finds shifts, and how the picture changes from cell to cell.
-    pub fn find_slopes(&mut self, frame: &Frame) {
-        let padded = &frame.padded;
-        let step = padded.codes.step() as f32;
-        let t_at_0 = (padded.codes.decode(0.0) - frame.s_focus) as f32;
-        let (stride, rows) = (self.stride, self.rows);
-        for (layer, from) in self.layers.iter_mut().zip(&padded.layers) {
-            let row_of = |y: usize| self.first + y * padded.padding.stride;
-            layer.span.clear();
-            for y in 0..rows {
-                let (lo, hi) = (&from.lo[row_of(y)..][..stride], &from.hi[row_of(y)..][..stride]);
-                layer.span.extend(lo.iter().copied().zip(hi.iter().copied()));
-            }
-            layer.span.resize(stride * rows + FLOATS, (0, 0));
-            layer.is_there = layer.span.iter().any(|span| span.1 > 0);
-            if !layer.is_there {
-                continue;
-            }
-            let t = |&(lo, hi): &(u16, u16)| t_at_0 + step * 0.5 * (f32::from(lo) + f32::from(hi));
-            layer.t.clear();
-            layer.t.extend(layer.span.iter().map(t));
-            layer.color.resize(self.channels, Vec::new());
-            for (into, from) in layer.color.iter_mut().zip(&from.color) {
-                into.clear();
-                (0..rows).for_each(|y| into.extend_from_slice(&from[row_of(y)..][..stride]));
-                into.resize(stride * rows + FLOATS, 0.0);
-            }
-            layer.find_slopes(stride);
+    /// What has been added to the cells of each layer: the sums by colours, and behind these the one by shifts if it was asked
+    /// for.
+    pub fn added(&mut self) -> impl Iterator<Item = Window> {
+        let Around { region, layers, .. } = self;
+        layers.iter_mut().enumerate().filter_map(|(number, layer)| {
+            let planes = layer.sums.take()?.into_planes(region.stride);
+            Some(Window { target: Target::Swept(number), region: *region, planes })
+        })
+    }
+}
+
+impl Sums {
+    fn new(channels: usize, asked: Asked, len: usize) -> Sums {
+        let of_shifts = || vec![0.0; if asked == Asked::ColorsAndShifts { len } else { 0 }];
+        Sums {
+            by_color: vec![vec![0.0; len]; channels],
+            by_border: [of_shifts(), of_shifts()],
+            by_shift: of_shifts(),
         }
     }
 
-    /// Adds what has been added to these cells to those of a window: the sums by colours, and behind these the one by shifts
-    /// if it has a plane for them.
-    pub fn add_to(&self, window: &mut Window) {
-        let (first, stride) = (self.first - window.first_cell(), window.stride());
-        for (number, layer) in self.layers.iter().enumerate() {
-            let sums = layer.by_color.iter().chain([&layer.by_shift]);
-            for (into, sums) in window.planes(Target::Swept(number)).iter_mut().zip(sums) {
-                for (y, row) in sums.chunks_exact(self.stride).take(self.rows).enumerate() {
-                    let into = &mut into[first + y * stride..][..self.stride];
-                    into.iter_mut().zip(row).for_each(|(into, v)| *into += v);
-                }
-            }
+    /// The planes; both cells at a border move it by half of their shift.
+    fn into_planes(self, stride: usize) -> Vec<Vec<f32>> {
+        let Sums { by_color: mut planes, by_border, mut by_shift } = self;
+        for (by_border, apart) in by_border.iter().zip([1, stride]) {
+            by_shift.iter_mut().skip(apart).zip(by_border).for_each(|(sum, v)| *sum += 0.5 * v);
+            by_shift.iter_mut().zip(by_border).for_each(|(sum, v)| *sum += 0.5 * v);
         }
+        if !by_shift.is_empty() {
+            planes.push(by_shift);
+        }
+        planes
     }
 }
 
 impl Layer {
-    fn find_slopes(&mut self, stride: usize) {
-        let Layer { span, color, slopes, ends, .. } = self;
+    /// Reads the cells of a layer in a region.
+    fn read(&mut self, frame: &Frame, region: &Region, from: &PaddedLayer, channels: usize) {
+        let Region { stride, rows, .. } = *region;
+        let row_of = |y: usize| region.padded_row(&frame.padded.padding, y);
+        self.span.clear();
+        for y in 0..rows {
+            let (lo, hi) = (&from.lo[row_of(y)..][..stride], &from.hi[row_of(y)..][..stride]);
+            self.span.extend(lo.iter().copied().zip(hi.iter().copied()));
+        }
+        self.span.resize(region.len(), (0, 0));
+        self.color.resize(channels, Vec::new());
+        for (into, from) in self.color.iter_mut().zip(&from.color) {
+            into.clear();
+            (0..rows).for_each(|y| into.extend_from_slice(&from[row_of(y)..][..stride]));
+            into.resize(region.len(), 0.0);
+        }
+        self.codes = Codes::new(frame);
+    }
+
+    fn find_borders(&mut self, stride: usize) {
+        let Layer { codes, span, color, borders, ends, .. } = self;
         let len = span.len();
-        ends.clear();
-        ends.resize(len, 0);
-        for (axis, apart) in [1, stride].into_iter().enumerate() {
-            slopes[axis].resize(color.len(), Vec::new());
-            slopes[axis].iter_mut().for_each(|plane| clear(plane, len));
+        clear(ends, len);
+        for (axis, (Borders { t, slopes }, apart)) in borders.iter_mut().zip([1, stride]).enumerate() {
+            clear(t, len);
+            slopes.resize(color.len(), Vec::new());
+            slopes.iter_mut().for_each(|plane| clear(plane, len));
             for at in 0..len - FLOATS - apart {
                 let (a, b) = (span[at], span[at + apart]);
                 if a.1 == 0 || b.1 == 0 {
                     continue;
                 }
                 if is_one_surface(a, b, 0) {
-                    for (slope, color) in slopes[axis].iter_mut().zip(&*color) {
+                    t[at] = codes.shift(border(a, b));
+                    for (slope, color) in slopes.iter_mut().zip(&*color) {
                         slope[at] = color[at + apart] - color[at];
                     }
                 } else {
@@ -151,5 +186,23 @@ impl Layer {
                 }
             }
         }
+    }
+}
+
+/// Depth codes as shifts relative to the focus.
+#[derive(Clone, Copy, Default)]
+pub struct Codes {
+    at_0: f32,
+    step: f32,
+}
+
+impl Codes {
+    fn new(frame: &Frame) -> Codes {
+        let codes = &frame.padded.codes;
+        Codes { at_0: (codes.decode(0.0) - frame.s_focus) as f32, step: codes.step() as f32 }
+    }
+
+    pub fn shift(self, code: f32) -> f32 {
+        self.at_0 + self.step * code
     }
 }

@@ -1,21 +1,20 @@
 //! The adjoint of exact discs: every pixel gives its own disc what it takes of it.
 
-use super::window::{Target, Window};
+use super::window::{Region, Target, Window};
 use crate::aperture::Kernel;
 use crate::cpu::lens::frame::Frame;
 use crate::cpu::lens::tile_color::TileColor;
 use crate::picture::Size;
 use crate::plan::lens::disc::{APART, Surface, extent, position, share};
+use crate::plan::lens::tiles::Tile;
 use crate::scene::grid::TILE;
 
-/// Adds what a tile takes of the first layer.
-pub fn adjoint(
-    frame: &Frame,
-    size: Size,
-    origin: (usize, usize),
-    cotangent: &TileColor,
-    window: &mut Window,
-) {
+/// What a tile takes of the first layer.
+pub fn adjoint(frame: &Frame, size: Size, tile: &Tile, cotangent: &TileColor) -> Window {
+    let origin = tile.origin;
+    // A disc covers a part of the pixels around it, and is between two of which one is larger by a quarter of a pixel.
+    let region = Region::new(&frame.padded.padding, origin, tile.reach_px.ceil() as usize + 2);
+    let mut window = Window::new(Target::Level, region, size.channels);
     let s = &frame.input.scene.layers[0].s;
     let (across, down) = extent(size, origin);
     match Surface::new(s, size, frame.s_focus, origin) {
@@ -23,8 +22,8 @@ pub fn adjoint(
             let kernel = frame.kernels.level(s);
             for (c, given) in cotangent.planes.iter().enumerate() {
                 for y in 0..down {
-                    let at = window.index(origin.0, origin.1 + y);
-                    give(kernel, &given[y * TILE.0..][..across], c, at, window);
+                    let at = region.index(0, y);
+                    give(kernel, &given[y * TILE.0..][..across], c, at, &mut window);
                 }
             }
         }
@@ -34,7 +33,7 @@ pub fn adjoint(
                 let s = &s[(origin.1 + y) * size.width + origin.0..][..across];
                 let mut positions = [0.0f64; TILE.0];
                 positions.iter_mut().zip(s).for_each(|(p, &s)| *p = position(s, frame.s_focus));
-                let at = window.index(origin.0, origin.1 + y);
+                let at = region.index(0, y);
                 for step in steps.clone() {
                     let shares = positions.map(|p| share(p, step));
                     if shares[..across].iter().all(|share| *share == 0.0) {
@@ -44,18 +43,19 @@ pub fn adjoint(
                     for (c, given) in cotangent.planes.iter().enumerate() {
                         let row = part.iter_mut().zip(&given[y * TILE.0..]).zip(&shares);
                         row.for_each(|((part, given), share)| *part = given * share);
-                        give(kernel, &part[..across], c, at, window);
+                        give(kernel, &part[..across], c, at, &mut window);
                     }
                 }
             }
         }
     }
+    window
 }
 
 /// Gives each of the pixels from `at` on its value times its kernel.
 fn give(kernel: &Kernel, values: &[f32], channel: usize, at: usize, window: &mut Window) {
-    let stride = window.stride() as isize;
-    let plane = &mut window.planes(Target::Level)[channel];
+    let stride = window.region.stride as isize;
+    let plane = &mut window.planes[channel];
     let place = |dx: i32, dy: i32| (at as isize + dy as isize * stride + dx as isize) as usize;
     let mut before = [0.0f32; TILE.0 + 1];
     for (i, v) in values.iter().enumerate() {

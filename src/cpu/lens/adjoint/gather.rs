@@ -4,16 +4,17 @@
 //! What one lens sample sees is a picture of its own, `V(p)`. A cell of shift `t` is drawn in it where the lens point `l`
 //! moves it, `l t` away: a square of one pixel, of which a pixel shows the part that it shares. So when the cell moves,
 //! light changes only at its borders with its neighbours, by the difference between both, in the pixel across which the
-//! border lies. Where a surface goes on, its cells move together. Where it ends before another, its rim moves alone, and what
-//! is behind it stays.
+//! border lies. Where a surface goes on, the border moves as both cells do, half as far with each. Where it ends before
+//! another, its rim moves alone, and what is behind it stays.
 //!
-//! A ray meets one cell, so the neighbours are what the rays of the neighbouring pixels meet. The border is on that side of
-//! the cell on which the middle of the pixel is. Nearly everywhere, neighbours are as far away from their pixels, and so beside
-//! each other on a surface: many of these are worked on together, and the other pairs one by one.
+//! A ray meets one cell, so the neighbours are what the rays of the neighbouring pixels meet, and what is between them. A border
+//! lies across the one or the other of both pixels: its own shift says where. Nearly everywhere, neighbours are as far away
+//! from their pixels, and so beside each other on a surface: many of these are worked on together, and the other pairs one by
+//! one.
 
-use super::around::{Around, Layer, is_one_surface};
+use super::around::{Around, Borders, Layer, Sums, is_one_surface};
 use super::met::Met;
-use super::views::{Blind, View, Views};
+use super::views::{Blind, SHARES, View, Views};
 #[cfg(target_arch = "x86_64")]
 use crate::cpu::lens::lanes::Avx2Floats;
 use crate::cpu::lens::lanes::{FLOATS, Floats};
@@ -34,7 +35,7 @@ type LensPoint = [[f32; 2]; 2];
 /// Adds to the cells around a tile.
 pub struct Gather<'a, const C: usize> {
     pub around: &'a mut Around,
-    /// What each pixel of the tile gives to each of its samples.
+    /// What each pixel of the tile, and those beyond its last column and row, give to each of their samples.
     pub shares: [&'a [f32]; C],
 }
 
@@ -48,7 +49,8 @@ pub fn visit<const C: usize>(
     let (shares, blind, views) = views.seen();
     for Blind { pixel, given } in blind {
         let at = around.index(*pixel, Met::OWN);
-        around.layers[0].by_color.iter_mut().zip(given).for_each(|(sum, v)| sum[at] += *v);
+        let sums = around.layers[0].sums.as_mut().expect("every tile may meet the first layer");
+        sums.by_color.iter_mut().zip(given).for_each(|(sum, v)| sum[at] += *v);
     }
     let mut gather = Gather { around, shares: std::array::from_fn(|c| &shares[c][..]) };
     for (sample, view) in views.enumerate() {
@@ -63,9 +65,9 @@ struct Group {
     met: Met,
     /// A bit for each of them.
     lanes: u16,
-    /// Those whose neighbours in front and behind along each axis have met the same, too: their cells are neighbours. Beyond
-    /// the tile they are taken to.
-    same: [[u16; 2]; 2],
+    /// Those whose next pixel along each axis has met the same, too: their cells are neighbours. Beyond the tile they are taken
+    /// to.
+    same: [u16; 2],
 }
 
 /// The group of values that starts at `at`.
@@ -77,6 +79,12 @@ fn group<T>(values: &[T], at: usize) -> &[T; FLOATS] {
 #[inline(always)]
 fn group_mut(values: &mut [f32], at: usize) -> &mut [f32; FLOATS] {
     values[at..].first_chunk_mut().expect("planes are longer by a group")
+}
+
+/// Where the share of a pixel is.
+#[inline(always)]
+fn of_share(pixel: usize) -> usize {
+    pixel / TILE.0 * SHARES + pixel % TILE.0
 }
 
 /// What a function gives for both of a pair.
@@ -165,7 +173,7 @@ impl<const C: usize> Gather<'_, C> {
         for y in 0..TILE.1 {
             let (mut ends, mut x) = ([0; 2], 0);
             while x < TILE.0 {
-                let group = Group { pixel: y * TILE.0 + x, met, lanes: u16::MAX, same: [[u16::MAX; 2]; 2] };
+                let group = Group { pixel: y * TILE.0 + x, met, lanes: u16::MAX, same: [u16::MAX; 2] };
                 // SAFETY: per the function's contract.
                 unsafe { self.add_group::<F>(&group, lens, &mut ends) };
                 x += FLOATS;
@@ -184,7 +192,6 @@ impl<const C: usize> Gather<'_, C> {
     #[inline(always)]
     unsafe fn add_uneven<F: Floats>(&mut self, codes: &[u32], lens: Option<&LensPoint>) {
         let nothing = [Met::NOTHING.code(); FLOATS];
-        let mut above = ALL;
         for y in 0..TILE.1 {
             let row = &codes[y * TILE.0..][..TILE.0];
             let (mut right, mut below) = (ALL, ALL);
@@ -201,7 +208,7 @@ impl<const C: usize> Gather<'_, C> {
             let (mut ends, mut x) = ([!right, !below], 0);
             while x < TILE.0 {
                 let of_group = |row: Row| (row >> x) as u16;
-                let same = [[of_group(right << 1 | 1), of_group(right)], [of_group(above), of_group(below)]];
+                let same = [of_group(right), of_group(below)];
                 let own = group(row, x);
                 // SAFETY: per the function's contract.
                 let mut left = !unsafe { F::same(own, &nothing) };
@@ -219,12 +226,11 @@ impl<const C: usize> Gather<'_, C> {
             if let Some(lens) = lens {
                 self.add_pairs(y, ends, lens, |pixel| Met::of_code(codes[pixel]));
             }
-            above = below;
         }
     }
 
-    /// Adds the shares of a group. Of a known lens point it adds what those cells change that have neighbours of their own
-    /// surface: for each pixel, on the side on which its middle is. Notes the pixels behind which surfaces end.
+    /// Adds the shares of a group, and of a known lens point what the borders change that lie between its pixels and the next
+    /// ones. Notes the pixels behind which surfaces end.
     ///
     /// # Safety
     ///
@@ -236,39 +242,44 @@ impl<const C: usize> Gather<'_, C> {
         lens: Option<&LensPoint>,
         row_ends: &mut [Row; 2],
     ) {
-        let at = self.around.index(pixel, met);
-        let apart = [1, self.around.stride];
-        let Layer { t, slopes, ends, by_color, by_shift, .. } = &mut self.around.layers[met.layer()];
+        let (at, share) = (self.around.index(pixel, met), of_share(pixel));
         // SAFETY: per the function's contract.
         unsafe {
             let zero = F::all(0.0);
-            let mut shares = [zero; C];
+            let mut own = [zero; C];
+            let Layer { sums, .. } = &mut self.around.layers[met.layer()];
+            let Sums { by_color, .. } = sums.as_mut().expect("the layer is met");
             for c in 0..C {
-                shares[c] = F::choose(lanes, F::load(group(self.shares[c], pixel)), zero);
+                own[c] = F::choose(lanes, F::load(group(self.shares[c], share)), zero);
                 let sum = group_mut(&mut by_color[c], at);
-                F::load(sum).add(shares[c]).store(sum);
+                F::load(sum).add(own[c]).store(sum);
             }
             let Some(lens) = lens else { return };
-            let t = F::load(group(t, at));
-            let in_front_of_focus = t.above_0();
-            let mut sum = zero;
+            let apart = [1, self.around.region.stride];
+            let is_first = self.around.is_first;
             for axis in 0..2 {
-                let along = F::choose(in_front_of_focus, F::all(lens[1][axis]), F::all(lens[0][axis]));
-                let beyond = along.mul(t).sub(F::all(met.away()[axis] as f32)).above_0();
-                let mut dot = zero;
-                for c in 0..C {
-                    let slopes = &slopes[axis][c];
-                    let behind = F::load(group(slopes, at));
-                    let in_front = F::load(group(slopes, at - apart[axis]));
-                    dot = dot.add(shares[c].mul(F::choose(beyond, behind, in_front)));
+                let pairs = lanes & same[axis];
+                if pairs != 0 {
+                    let mut next = [zero; C];
+                    for c in 0..C {
+                        next[c] = F::load(group(self.shares[c], share + [1, SHARES][axis]));
+                    }
+                    self.add_borders::<F>((axis, at), met, pairs, [own, next], lens);
                 }
-                let seen = beyond & same[axis][1] | !beyond & same[axis][0];
-                sum = sum.add(F::choose(seen & lanes, along.mul(dot), zero));
+                // In front of the frame's first pixels there are no others.
+                let first = [u16::from(pixel % TILE.0 == 0), if pixel < TILE.0 { u16::MAX } else { 0 }][axis];
+                if is_first[axis] && lanes & first != 0 {
+                    self.add_borders::<F>(
+                        (axis, at - apart[axis]),
+                        met,
+                        lanes & first,
+                        [[zero; C], own],
+                        lens,
+                    );
+                }
             }
-            let by_shift = group_mut(by_shift, at);
-            F::load(by_shift).add(sum).store(by_shift);
         }
-        let ends = group(ends, at);
+        let ends = group(&self.around.layers[met.layer()].ends, at);
         if u128::from_ne_bytes(*ends) != 0 {
             for (axis, row_ends) in row_ends.iter_mut().enumerate() {
                 let mut found = 0u16;
@@ -277,6 +288,40 @@ impl<const C: usize> Gather<'_, C> {
                 }
                 *row_ends |= Row::from(found & lanes) << (pixel % TILE.0);
             }
+        }
+    }
+
+    /// Adds what the borders change that are next along an axis to the cells from `at` on, which are met, each in the one of two
+    /// pixels, in front of it and behind, across which it lies.
+    ///
+    /// # Safety
+    ///
+    /// The instructions of `F` have been detected.
+    #[inline(always)]
+    unsafe fn add_borders<F: Floats>(
+        &mut self,
+        (axis, at): (usize, usize),
+        met: Met,
+        lanes: u16,
+        [in_front, behind]: [[F; C]; 2],
+        lens: &LensPoint,
+    ) {
+        let Layer { borders, sums, .. } = &mut self.around.layers[met.layer()];
+        let Borders { t, slopes } = &borders[axis];
+        let Sums { by_border, .. } = sums.as_mut().expect("the layer is met");
+        // SAFETY: per the function's contract.
+        unsafe {
+            let t = F::load(group(t, at));
+            let near = t.above_0();
+            let along = F::choose(near, F::all(lens[1][axis]), F::all(lens[0][axis]));
+            let is_in_front = along.mul(t).sub(F::all(met.away()[axis] as f32)).above_0();
+            let mut dot = F::all(0.0);
+            for c in 0..C {
+                let share = F::choose(is_in_front, in_front[c], behind[c]);
+                dot = dot.add(share.mul(F::load(group(&slopes[c], at))));
+            }
+            let sum = group_mut(&mut by_border[axis], at);
+            F::load(sum).add(F::choose(lanes, along.mul(dot), F::all(0.0))).store(sum);
         }
     }
 
@@ -303,34 +348,94 @@ impl<const C: usize> Gather<'_, C> {
     #[inline(always)]
     fn add_pair(&mut self, pixels: [usize; 2], mets: [Met; 2], axis: usize, lens: &LensPoint) {
         let at = both(|k| self.around.index(pixels[k], mets[k]));
+        let [a, b] = both(|k| mets[k].away());
+        // From the one cell to the other: on one surface with its shift, as many as pixels.
+        let step = both(|along| b[along] - a[along] + i32::from(along == axis));
         let layers = both(|k| &self.around.layers[mets[k].layer()]);
-        let mut dot = [0.0; 2];
-        for c in 0..C {
-            let [a, b] = both(|k| layers[k].color[c][at[k]]);
-            dot = both(|k| dot[k] + self.shares[c][pixels[k]] * (b - a));
-        }
         let [span_a, span_b] = both(|k| layers[k].span[at[k]]);
-        let t = both(|k| layers[k].t[at[k]]);
-        let along = both(|k| lens[usize::from(t[k] > 0.0)][axis]);
-        // How far the middles of the pixels are beyond those of their cells.
-        let beyond = both(|k| along[k] * t[k] - mets[k].away()[axis] as f32);
         // A surface that is seen from the side may show every other cell only, or fewer. It rises by a cell's span from cell
         // to cell.
-        let [a, b] = both(|k| mets[k].away());
-        let apart = both(|along| b[along] - a[along] + i32::from(along == axis));
-        let between = (apart[0].abs().max(apart[1].abs()) - 1).max(0) as u32;
+        let between = (step[0].abs().max(step[1].abs()) - 1).max(0) as u32;
+        if !is_one_surface(span_a, span_b, between) {
+            self.add_rim(pixels, mets, axis, lens);
+        } else if mets[0].layer() == mets[1].layer() && step[axis] >= 0 && step[1 - axis] == 0 {
+            let away = a[axis] as f32;
+            for passed in 0..step[axis] as usize {
+                let at = at[0] + passed * [1, self.around.region.stride][axis];
+                self.add_border(pixels, (mets[0].layer(), at), away + passed as f32, axis, lens);
+            }
+        } else {
+            self.add_oblique(pixels, mets, axis, lens);
+        }
+    }
+
+    /// Adds what a border between two pixels changes: that behind a cell which is `away` from the first of them along an axis.
+    fn add_border(
+        &mut self,
+        pixels: [usize; 2],
+        (layer, at): (usize, usize),
+        away: f32,
+        axis: usize,
+        lens: &LensPoint,
+    ) {
+        let Layer { borders, sums, .. } = &mut self.around.layers[layer];
+        let Borders { t, slopes } = &borders[axis];
+        let along = lens[usize::from(t[at] > 0.0)][axis];
+        let across = of_share(pixels[usize::from(along * t[at] - away <= 0.0)]);
+        let mut dot = 0.0;
+        for c in 0..C {
+            dot += self.shares[c][across] * slopes[c][at];
+        }
+        let Sums { by_border, .. } = sums.as_mut().expect("the layer is met");
+        by_border[axis][at] += along * dot;
+    }
+
+    /// Adds what two pixels change that meet one surface in cells of two columns and two rows, or in two layers: half of it
+    /// where the one cell is left, and half where the other one is entered.
+    fn add_oblique(&mut self, pixels: [usize; 2], mets: [Met; 2], axis: usize, lens: &LensPoint) {
+        for k in 0..2 {
+            let (along, changes) = self.change(pixels, mets, axis, k, lens);
+            self.add_to_cell(pixels[k], mets[k], 0.5 * along * changes);
+        }
+    }
+
+    /// Adds what two pixels change that meet two surfaces: the rim of the nearer one moves.
+    fn add_rim(&mut self, pixels: [usize; 2], mets: [Met; 2], axis: usize, lens: &LensPoint) {
+        let [a, b] =
+            both(|k| self.around.layers[mets[k].layer()].span[self.around.index(pixels[k], mets[k])].1);
+        let k = usize::from(a <= b);
+        let (along, changes) = self.change(pixels, mets, axis, k, lens);
         // Pairs of pixels in two tiles are not looked at; the others stand for them.
         let side = [TILE.0, TILE.1][axis] as f32;
-        let unseen = side / (side - 1.0);
-        let changes = if is_one_surface(span_a, span_b, between) {
-            [if beyond[0] > 0.0 { dot[0] } else { 0.0 }, if beyond[1] < 0.0 { dot[1] } else { 0.0 }]
-        } else if span_a.1 > span_b.1 {
-            [unseen * if beyond[0] > 0.0 { dot[0] } else { dot[1] }, 0.0]
-        } else {
-            [0.0, unseen * if beyond[1] < 0.0 { dot[1] } else { dot[0] }]
-        };
-        for k in 0..2 {
-            self.around.layers[mets[k].layer()].by_shift[at[k]] += along[k] * changes[k];
+        self.add_to_cell(pixels[k], mets[k], side / (side - 1.0) * along * changes);
+    }
+
+    /// The lens point with which one cell of a pair moves, and what the pixel takes of the difference between both across
+    /// which that cell's border lies.
+    fn change(
+        &self,
+        pixels: [usize; 2],
+        mets: [Met; 2],
+        axis: usize,
+        k: usize,
+        lens: &LensPoint,
+    ) -> (f32, f32) {
+        let at = both(|k| self.around.index(pixels[k], mets[k]));
+        let layers = both(|k| &self.around.layers[mets[k].layer()]);
+        let (lo, hi) = layers[k].span[at[k]];
+        let t = layers[k].codes.shift(0.5 * (f32::from(lo) + f32::from(hi)));
+        let along = lens[usize::from(t > 0.0)][axis];
+        let across = of_share(pixels[usize::from(along * t - mets[k].away()[axis] as f32 <= 0.0)]);
+        let mut dot = 0.0;
+        for c in 0..C {
+            dot += self.shares[c][across] * (layers[1].color[c][at[1]] - layers[0].color[c][at[0]]);
         }
+        (along, dot)
+    }
+
+    fn add_to_cell(&mut self, pixel: usize, met: Met, v: f32) {
+        let at = self.around.index(pixel, met);
+        let sums = self.around.layers[met.layer()].sums.as_mut().expect("the layer is met");
+        sums.by_shift[at] += v;
     }
 }

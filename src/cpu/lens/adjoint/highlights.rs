@@ -51,24 +51,21 @@ impl RunningSums {
     }
 }
 
-/// Adds what a tile takes of the highlights that reach it.
-pub fn adjoint(frame: &Frame, number: usize, tile: &Tile, cotangent: &TileColor, into: &mut Vec<Light>) {
+/// What a tile takes of the highlights that reach it.
+pub fn adjoint(frame: &Frame, number: usize, tile: &Tile, cotangent: &TileColor) -> Vec<Light> {
     let (pass, highlights) = (frame.highlight_pass(), &frame.highlights);
-    if highlights.of_tile(number).next().is_none() {
-        return;
-    }
-    let mut whole = None;
-    let mut hidden: Box<Hidden> = Box::new([0.0; TILE.0 * TILE.1]);
+    let mut found = Vec::new();
+    let (mut whole, mut hidden) = (None, None);
     for cluster in highlights.of_tile(number) {
         let partly;
         let sums = if cluster.hidden_in_part {
-            hidden.fill(0.0);
+            let hidden: &mut Hidden = &mut **hidden.insert(Box::new([0.0; TILE.0 * TILE.1]));
             let middle = &highlights.all[cluster.middle];
             let shadows = Shadows::new(cluster, middle, tile.origin, &frame.padded);
             let lit = [0..TILE.0 as i32, 0..TILE.1 as i32];
             frame.simd.run(
                 #[inline(always)]
-                || shadows.cast(&lit, &mut hidden),
+                || shadows.cast(&lit, hidden),
             );
             partly = RunningSums::new(cotangent, |at| f64::from((1.0 - hidden[at]).max(0.0)));
             &partly
@@ -97,7 +94,8 @@ pub fn adjoint(frame: &Frame, number: usize, tile: &Tile, cotangent: &TileColor,
                 }
             }
             let [light, by_shift] = [light, by_shift].map(|values| values.map(|v| v as f32));
-            into.push(Light { number, light, by_shift });
+            found.push(Light { number, light, by_shift });
         }
     }
+    found
 }

@@ -9,7 +9,7 @@ impl Met {
     /// The pixel's own cell of the first layer.
     pub const OWN: Met = Met((Met::MIDDLE as u32) << Met::BITS | Met::MIDDLE as u32);
     /// A cell is at most 2048 columns or rows and those of its span away.
-    const BITS: u32 = 15;
+    const BITS: u32 = 13;
     const MIDDLE: i32 = 1 << (Met::BITS - 1);
 
     /// A cell of a layer at an offset in padded cells.

@@ -2,11 +2,10 @@
 //!
 //! For fixed depths, the picture through the lens is a linear map of the colours: what they decide themselves (how mixed
 //! pixels are taken apart, what is hidden, what is a highlight, how far cells are sharpened) are its weights. Here the
-//! map is walked backward, step by step, with the same weights. Every tile adds to the cells that it has met, so tiles
-//! that are done at the same time have their own planes to add to; these are added up in the order of the rows.
+//! map is walked backward, step by step, with the same weights. Every tile adds to the cells that it has met, so it has its
+//! own planes to add to; those of the tiles that are done at the same time are added up in their order.
 
 mod around;
-mod bands;
 mod disc;
 mod gather;
 mod highlights;
@@ -15,6 +14,7 @@ mod met;
 mod sharpening;
 mod shifts;
 mod views;
+mod waves;
 mod window;
 
 pub use shifts::of_shifts;
@@ -30,17 +30,17 @@ use crate::memory::Buffer;
 use crate::optics::Optics;
 use crate::picture::Size;
 use crate::plan::lens::Settings;
-use crate::plan::lens::tiles::{Work, Works};
+use crate::plan::lens::tiles::{Tile, Work, Works};
 use crate::rows::with_channels;
 use crate::scene::origins::{Form, Origin, Origins};
 use crate::simd::Simd;
-use around::Around;
-use bands::{Band, WAVE, bands, read};
+use around::{Around, Asked};
 use gather::Gather;
 use highlights::Light;
 use rayon::prelude::*;
 use views::Views;
-use window::{Kept, Sums, Window};
+use waves::{Beyond, in_waves, read};
+use window::{Sums, Target, Window};
 
 /// The adjoint of [`render`](super::render) for the colours of a picture of one layer: `cotangent` and the result are
 /// planes of its size. `origins` are those of the scene.
@@ -56,19 +56,27 @@ pub fn adjoint(
     let size = input.picture.size;
     let frame = Frame::new(input, optics, settings, Works::Least, simd, cancel)?;
     let guide = Group { sharpening: Sharpening::Guided, ..Group::of_picture(input, &frame.highlights) };
-    let mut sums = Sums::new(size, Kept::All, input.scene.layers.len());
+    let layers = input.scene.layers.len();
+    let targets = [Target::Given, Target::Level].into_iter().chain((0..layers).map(Target::Swept));
+    let mut sums = Sums::new(size, targets);
     let mut light = vec![[0.0f32; 4]; frame.highlights.all.len()];
-    for wave in bands(&frame).chunks(WAVE) {
-        let done = wave.par_iter().map(|band| of_band(&frame, size, band, cotangent));
-        for (window, lights) in done.collect::<Result<Vec<_>>>()? {
-            cancel.check()?;
-            sums.add(&window);
-            for Light { number, light: more, .. } in lights {
-                light[number].iter_mut().zip(more).for_each(|(sum, v)| *sum += v);
-            }
+    let add = |done: Vec<(Vec<Window>, Vec<Light>)>| {
+        let (windows, lights): (Vec<_>, Vec<_>) = done.into_iter().unzip();
+        sums.add(&frame.padded.padding, &windows.into_iter().flatten().collect::<Vec<_>>());
+        for Light { number, light: more, .. } in lights.into_iter().flatten() {
+            light[number].iter_mut().zip(more).for_each(|(sum, v)| *sum += v);
         }
-    }
-    let mut swept = sums.swept;
+    };
+    let scratch = || Scratch::new(&frame, size, Asked::Colors);
+    in_waves(
+        &frame,
+        scratch,
+        |scratch, number, tile| Ok(scratch.colors(&frame, size, (number, tile), cotangent)),
+        add,
+    )?;
+    let mut planes = sums.into_planes();
+    let [given, level] = std::array::from_fn(|_| planes.next().expect("there are planes for each target"));
+    let mut swept: Vec<Buffer<f32>> = planes.collect();
     if frame.is_swept() {
         let drawn = frame.widened(&guide);
         swept = sharpening::adjoint(&frame, size, &drawn, swept);
@@ -81,47 +89,76 @@ pub fn adjoint(
             });
         swept = narrowed.collect();
     }
-    let cells = of_cells(&frame, size, swept, &sums.level, &light);
-    Ok(of_pixels(size, sums.given, &cells, origins))
+    let cells = of_cells(&frame, size, swept, &level, &light);
+    Ok(of_pixels(size, given, &cells, origins))
 }
 
-/// What the tiles of a band add to pixels and cells, and to highlights.
-fn of_band(frame: &Frame, size: Size, band: &Band, cotangent: &[f32]) -> Result<(Window, Vec<Light>)> {
-    let layers = &frame.input.scene.layers;
-    let mut window = Window::new(&frame.padded.padding, Kept::All, size.channels, layers.len(), band.rows());
-    let (mut lights, mut segments) = (Vec::new(), Segments::default());
-    let (mut views, mut around) = (Views::new(size.channels), Around::new(size.channels, layers.len()));
-    let (mut given, mut exact) = (TileColor::new(size.channels), TileColor::new(size.channels));
-    for (number, tile) in (band.first_tile..).zip(band.tiles) {
-        frame.cancel.check()?;
-        read(size, cotangent, tile.origin, &mut given);
-        highlights::adjoint(frame, number, tile, &given, &mut lights);
-        match &tile.work {
+/// What tiles are worked on with, one after another.
+struct Scratch {
+    segments: Segments,
+    views: Views,
+    around: Around,
+    given: TileColor,
+    exact: TileColor,
+}
+
+impl Scratch {
+    fn new(frame: &Frame, size: Size, asked: Asked) -> Scratch {
+        Scratch {
+            segments: Segments::default(),
+            views: Views::new(size.channels),
+            around: Around::new(frame, size.channels, asked),
+            given: TileColor::new(size.channels),
+            exact: TileColor::new(size.channels),
+        }
+    }
+
+    /// What a tile adds to pixels and cells, and to highlights.
+    fn colors(
+        &mut self,
+        frame: &Frame,
+        size: Size,
+        (number, tile): (usize, &Tile),
+        cotangent: &[f32],
+    ) -> (Vec<Window>, Vec<Light>) {
+        let (layers, padding) = (&frame.input.scene.layers, &frame.padded.padding);
+        read(size, cotangent, tile.origin, &mut self.given);
+        let lights = highlights::adjoint(frame, number, tile, &self.given);
+        let windows = match &tile.work {
             Work::InFocus => {
-                in_focus::adjoint(layers, size, &frame.in_focus, tile.origin, &given, &mut window)
+                vec![in_focus::adjoint(layers, size, padding, &frame.in_focus, tile.origin, &self.given)]
             }
-            Work::Disc => disc::adjoint(frame, size, tile.origin, &given, &mut window),
-            Work::Sweep { samples, occupied, disc, .. } => {
+            Work::Disc => vec![disc::adjoint(frame, size, tile, &self.given)],
+            Work::Sweep { samples, disc, .. } => {
+                let mut windows = Vec::new();
                 if *disc > 0.0 {
-                    scaled(&given, *disc, &mut exact);
-                    disc::adjoint(frame, size, tile.origin, &exact, &mut window);
-                    scaled(&given, 1.0 - *disc, &mut exact);
-                    std::mem::swap(&mut given, &mut exact);
+                    scaled(&self.given, *disc, &mut self.exact);
+                    windows.push(disc::adjoint(frame, size, tile, &self.exact));
+                    scaled(&self.given, 1.0 - *disc, &mut self.exact);
+                    std::mem::swap(&mut self.given, &mut self.exact);
                 }
-                frame.trace(&mut segments, tile, *samples, occupied);
-                // SAFETY: the segments have just been traced there.
-                unsafe { views.look(frame, &mut segments, tile.origin, &given) };
-                around.take(frame, tile.origin, views.reach);
+                self.look(frame, tile, *samples, &Beyond::read(size, cotangent, tile.origin));
                 with_channels!(size.channels, C => {
-                    gather::visit(&mut views, &mut around, |gather: &mut Gather<C>, _, view| {
+                    gather::visit(&mut self.views, &mut self.around, |gather: &mut Gather<C>, _, view| {
                         gather.add(frame.simd, view, None);
                     });
                 });
-                around.add_to(&mut window);
+                windows.extend(self.around.added());
+                windows
             }
-        }
+        };
+        (windows, lights)
     }
-    Ok((window, lights))
+
+    /// Finds what the samples of a tile that is swept with so many meet.
+    fn look(&mut self, frame: &Frame, tile: &Tile, samples: usize, beyond: &Beyond) {
+        let Scratch { segments, views, around, given, .. } = self;
+        let Work::Sweep { occupied, .. } = &tile.work else { unreachable!("the tile is swept") };
+        frame.trace(segments, tile, samples, occupied);
+        // SAFETY: the segments have just been traced there.
+        unsafe { views.look(frame, segments, tile.origin, given, beyond) };
+        around.take(frame, tile.origin, views.reach);
+    }
 }
 
 fn scaled(from: &TileColor, by: f32, into: &mut TileColor) {

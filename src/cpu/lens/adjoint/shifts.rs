@@ -1,23 +1,21 @@
 //! How a weighted sum of the rendered picture changes with the shift of each cell.
 
-use super::around::Around;
-use super::bands::{Band, WAVE, bands, read};
+use super::Scratch;
+use super::around::Asked;
 use super::gather::{self, Gather};
 use super::highlights::{self, Light};
-use super::views::Views;
-use super::window::{Kept, Sums, Window};
+use super::waves::{Beyond, in_waves, read};
+use super::window::{Sums, Target, Window};
 use crate::cancel::Cancel;
 use crate::cpu::lens::frame::Frame;
 use crate::cpu::lens::group::{Group, Input};
-use crate::cpu::lens::segments::Segments;
-use crate::cpu::lens::tile_color::TileColor;
 use crate::error::Result;
 use crate::memory::Buffer;
 use crate::optics::Optics;
 use crate::picture::Size;
 use crate::plan::lens::Settings;
 use crate::plan::lens::footprint::{self, Footprint};
-use crate::plan::lens::tiles::{Work, Works};
+use crate::plan::lens::tiles::{Tile, Work, Works};
 use crate::rows::with_channels;
 use crate::scene::colors::Colors;
 use crate::scene::depth_spans::{self, Cell};
@@ -41,22 +39,28 @@ pub fn of_shifts(
     frame.footprint = Footprint::new(frame.padded.reach_px, |_| 1, |_, _| 0.0, None);
     frame.set_colors(std::slice::from_ref(&group), None);
     cancel.check()?;
-    let mut sums =
-        Sums::new(Size { channels: size.channels + 1, ..size }, Kept::Swept, input.scene.layers.len());
+    let layers = input.scene.layers.len();
+    // The last plane of each layer is that of shifts.
+    let planes = Size { channels: size.channels + 1, ..size };
+    let mut sums = Sums::new(planes, (0..layers).map(Target::Swept));
     let mut by_highlight = vec![0.0f32; frame.highlights.all.len()];
-    for wave in bands(&frame).chunks(WAVE) {
-        let done = wave.par_iter().map(|band| of_band(&frame, size, band, cotangent));
-        for (window, lights) in done.collect::<Result<Vec<_>>>()? {
-            cancel.check()?;
-            sums.add(&window);
-            for Light { number, by_shift, .. } in lights {
-                let changes = by_shift.iter().zip(group.excess[number]);
-                by_highlight[number] += changes.map(|(by_shift, excess)| by_shift * excess).sum::<f32>();
-            }
+    let add = |done: Vec<(Vec<Window>, Vec<Light>)>| {
+        let (windows, lights): (Vec<_>, Vec<_>) = done.into_iter().unzip();
+        sums.add(&frame.padded.padding, &windows.into_iter().flatten().collect::<Vec<_>>());
+        for Light { number, by_shift, .. } in lights.into_iter().flatten() {
+            let changes = by_shift.iter().zip(group.excess[number]);
+            by_highlight[number] += changes.map(|(by_shift, excess)| by_shift * excess).sum::<f32>();
         }
-    }
+    };
+    let scratch = || Scratch::new(&frame, size, Asked::ColorsAndShifts);
+    in_waves(
+        &frame,
+        scratch,
+        |scratch, number, tile| Ok(scratch.shifts(&frame, size, (number, tile), cotangent)),
+        add,
+    )?;
     let n = size.pixels();
-    let of_layers = input.scene.layers.iter().zip(sums.swept).enumerate();
+    let of_layers = input.scene.layers.iter().zip(sums.into_planes()).enumerate();
     let by_shift = of_layers.map(|(i, (layer, sums))| {
         let (by_color, by_place) = sums.split_at(size.channels * n);
         let drawn = Sharpened { frame: &frame, size, layer: i, colors: group.swept(), by_color };
@@ -119,31 +123,25 @@ impl Sharpened<'_> {
     }
 }
 
-/// What the tiles of a band add.
-fn of_band(frame: &Frame, size: Size, band: &Band, cotangent: &[f32]) -> Result<(Window, Vec<Light>)> {
-    let layers = frame.input.scene.layers.len();
-    // The last plane of each layer is that of shifts.
-    let mut window = Window::new(&frame.padded.padding, Kept::Swept, size.channels + 1, layers, band.rows());
-    let (mut segments, mut lights) = (Segments::default(), Vec::new());
-    let (mut views, mut around) = (Views::new(size.channels), Around::new(size.channels, layers));
-    let mut given = TileColor::new(size.channels);
-    for (number, tile) in (band.first_tile..).zip(band.tiles) {
-        frame.cancel.check()?;
-        let Work::Sweep { samples, occupied, .. } = &tile.work else { continue };
-        read(size, cotangent, tile.origin, &mut given);
-        highlights::adjoint(frame, number, tile, &given, &mut lights);
-        frame.trace(&mut segments, tile, *samples, occupied);
-        // SAFETY: the segments have just been traced there.
-        unsafe { views.look(frame, &mut segments, tile.origin, &given) };
-        around.take(frame, tile.origin, views.reach);
-        around.find_slopes(frame);
-        let samples = frame.samples(*samples);
+impl Scratch {
+    /// What a tile adds to the shifts and colours of cells, and to highlights.
+    fn shifts(
+        &mut self,
+        frame: &Frame,
+        size: Size,
+        (number, tile): (usize, &Tile),
+        cotangent: &[f32],
+    ) -> (Vec<Window>, Vec<Light>) {
+        let Work::Sweep { samples, .. } = tile.work else { return (Vec::new(), Vec::new()) };
+        read(size, cotangent, tile.origin, &mut self.given);
+        let lights = highlights::adjoint(frame, number, tile, &self.given);
+        self.look(frame, tile, samples, &Beyond::read(size, cotangent, tile.origin));
+        let samples = frame.samples(samples);
         with_channels!(size.channels, C => {
-            gather::visit(&mut views, &mut around, |gather: &mut Gather<C>, sample, view| {
+            gather::visit(&mut self.views, &mut self.around, |gather: &mut Gather<C>, sample, view| {
                 gather.add(frame.simd, view, Some(&samples[sample]));
             });
         });
-        around.add_to(&mut window);
+        (self.around.added().collect(), lights)
     }
-    Ok((window, lights))
 }

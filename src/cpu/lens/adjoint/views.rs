@@ -1,8 +1,10 @@
 //! What the lens samples of a tile see: the cell that the ray of each pixel meets.
 
 use super::met::Met;
+use super::waves::Beyond;
 use crate::cpu::lens::culling::PART;
 use crate::cpu::lens::frame::Frame;
+use crate::cpu::lens::lanes::FLOATS;
 use crate::cpu::lens::segments::{ROWS, Segments};
 use crate::cpu::lens::sweep::{Hit, Pixels, visit_tile};
 use crate::cpu::lens::tile_color::TileColor;
@@ -14,6 +16,8 @@ pub const PIXELS: usize = TILE.0 * TILE.1;
 /// From the pixels of one sample to those of the next. A power of two would put the same pixel of all samples into the same
 /// few lines of the cache.
 const STEP: usize = PIXELS + 16;
+/// From the shares of one row to those of the next. Behind the last column and row are those of the pixels beyond the tile.
+pub const SHARES: usize = TILE.0 + FLOATS;
 /// Parts of a tile beside each other, and all of them.
 const ACROSS: usize = TILE.0 / PART.0;
 const PARTS: usize = ACROSS * (TILE.1 / PART.1);
@@ -27,8 +31,16 @@ pub struct Views {
     /// What each pixel gives to each of its samples, in each channel.
     shares: Vec<Vec<f32>>,
     blind: Vec<Blind>,
-    /// The most columns or rows that a cell is away.
-    pub reach: usize,
+    pub reach: Reach,
+}
+
+/// How far what is met is away.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Reach {
+    /// The most columns or rows.
+    pub cells: usize,
+    /// A bit for each layer that is met.
+    pub layers: u64,
 }
 
 /// A pixel whose samples have all met nothing, and what it gives.
@@ -47,11 +59,13 @@ pub enum View<'a> {
 
 impl Views {
     pub fn new(channels: usize) -> Views {
-        let shares = vec![vec![0.0; PIXELS]; channels];
-        Views { of_part: Vec::new(), codes: Buffer::unset(0), shares, blind: Vec::new(), reach: 0 }
+        let shares = vec![vec![0.0; SHARES * (TILE.1 + 1)]; channels];
+        let reach = Reach::default();
+        Views { of_part: Vec::new(), codes: Buffer::unset(0), shares, blind: Vec::new(), reach }
     }
 
-    /// Looks at the tile at `origin`, of which each pixel gives `cotangent`.
+    /// Looks at the tile at `origin`, of which each pixel gives `cotangent`. The pixels beyond its last column and row are
+    /// taken to give to as many samples as the tile has.
     ///
     /// # Safety
     ///
@@ -62,6 +76,7 @@ impl Views {
         segments: &mut Segments,
         origin: (usize, usize),
         cotangent: &TileColor,
+        beyond: &Beyond,
     ) {
         let samples = segments.samples();
         self.of_part.clear();
@@ -73,7 +88,13 @@ impl Views {
             self.codes[..samples * STEP].fill(Met::NOTHING.code());
         }
         self.blind.clear();
-        self.reach = 0;
+        // Pixels that meet nothing see their own cells of the first layer.
+        self.reach = Reach { cells: 0, layers: 1 };
+        for (shares, beyond) in self.shares.iter_mut().zip(&beyond.channels) {
+            let share = 1.0 / samples as f32;
+            (0..TILE.1).for_each(|y| shares[y * SHARES + TILE.0] = share * beyond.column[y]);
+            (0..TILE.0).for_each(|x| shares[TILE.1 * SHARES + x] = share * beyond.row[x]);
+        }
         // SAFETY: per the function's contract.
         unsafe {
             visit_tile(
@@ -101,7 +122,7 @@ impl Views {
                 let met = pixels.met(row, lane);
                 let share = if met > 0.0 { 1.0 / met } else { 0.0 };
                 for (shares, given) in self.shares.iter_mut().zip(&cotangent.planes) {
-                    shares[first + lane] = share * given[first + lane];
+                    shares[(y + row) * SHARES + x + lane] = share * given[first + lane];
                 }
                 if met <= 0.0 {
                     let mut of_pixel = [0.0; 4];
@@ -118,7 +139,9 @@ impl Views {
     #[inline(always)]
     fn reaching(&mut self, met: Met) -> Met {
         let [across, down] = met.away();
-        self.reach = self.reach.max(across.unsigned_abs() as usize).max(down.unsigned_abs() as usize);
+        let Reach { cells, layers } = &mut self.reach;
+        *cells = (*cells).max(across.unsigned_abs() as usize).max(down.unsigned_abs() as usize);
+        *layers |= 1 << met.layer();
         met
     }
 

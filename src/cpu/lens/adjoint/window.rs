@@ -1,24 +1,14 @@
-//! Planes of sums: those of a band of tiles, with the margin that its rays reach, and those of the whole frame.
+//! Planes of sums: those of the cells around a tile, and those of the whole frame.
 
+use crate::cpu::lens::lanes::FLOATS;
 use crate::memory::Buffer;
 use crate::picture::Size;
 use crate::plan::lens::padding::Padding;
+use crate::scene::grid::TILE;
 use rayon::prelude::*;
-use std::ops::Range;
-
-/// The padded rows around a band of tiles, to which the band adds. All planes are of the same size.
-pub struct Window {
-    padding: Padding,
-    /// Planes of each target.
-    each: usize,
-    /// The first padded row.
-    first_row: usize,
-    kept: Kept,
-    planes: Vec<Buffer<f32>>,
-}
 
 /// What is added to.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Target {
     /// Pixels as they were given.
     Given,
@@ -28,101 +18,101 @@ pub enum Target {
     Swept(usize),
 }
 
-/// The targets that are kept.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Kept {
-    /// All of them.
-    All,
-    /// What is swept.
-    Swept,
+/// The cells around a tile.
+#[derive(Debug, Clone, Copy)]
+pub struct Region {
+    /// Cells from one row to the next, and in front of the tile's first column and row.
+    pub stride: usize,
+    margin: usize,
+    pub rows: usize,
+    /// The column and the row of the first cell in the padded frame.
+    first: (usize, usize),
 }
 
-impl Kept {
-    /// Number of targets, for so many layers.
-    fn targets(self, layers: usize) -> usize {
-        self.number(Target::Swept(layers))
+impl Region {
+    /// The cells that are at most `reach` columns or rows away from the tile at `origin`, as far as the frame is padded.
+    pub fn new(padding: &Padding, origin: (usize, usize), reach: usize) -> Region {
+        let margin = reach.min(padding.pad);
+        let first = (origin.0 + padding.pad - margin, origin.1 + padding.pad - margin);
+        Region { stride: TILE.0 + 2 * margin, margin, rows: TILE.1 + 2 * margin, first }
     }
 
-    fn number(self, target: Target) -> usize {
-        let swept = match self {
-            Kept::All => 2,
-            Kept::Swept => 0,
-        };
-        match target {
-            Target::Given => 0,
-            Target::Level => 1,
-            Target::Swept(layer) => swept + layer,
-        }
+    /// The number of values of a plane: a group of numbers may begin at any cell.
+    pub fn len(&self) -> usize {
+        self.stride * self.rows + FLOATS
     }
+
+    /// Where a pixel of the tile is in the planes.
+    #[inline(always)]
+    pub fn index(&self, x: usize, y: usize) -> usize {
+        (y + self.margin) * self.stride + x + self.margin
+    }
+
+    /// The place of a row in the padded frame.
+    pub fn padded_row(&self, padding: &Padding, y: usize) -> usize {
+        (self.first.1 + y) * padding.stride + self.first.0
+    }
+}
+
+/// What a tile adds to the cells around it.
+pub struct Window {
+    pub target: Target,
+    pub region: Region,
+    pub planes: Vec<Vec<f32>>,
 }
 
 impl Window {
-    /// Zeros around these rows of the frame, `each` planes for every target.
-    pub fn new(padding: &Padding, kept: Kept, each: usize, layers: usize, rows: Range<usize>) -> Window {
-        // A row of the frame is `pad` rows further down in the padded one, and rays reach as far up.
-        let cells = (rows.len() + 2 * padding.pad) * padding.stride;
-        let planes = (0..kept.targets(layers) * each).map(|_| Buffer::full(cells, 0.0)).collect();
-        Window { padding: *padding, each, first_row: rows.start, kept, planes }
-    }
-
-    /// The planes of a target that is kept.
-    pub fn planes(&mut self, target: Target) -> &mut [Buffer<f32>] {
-        &mut self.planes[self.kept.number(target) * self.each..][..self.each]
-    }
-
-    /// Where a pixel of the frame is in the planes.
-    pub fn index(&self, x: usize, y: usize) -> usize {
-        self.padding.index(x, y) - self.first_cell()
-    }
-
-    /// The place of its first cell in the padded frame.
-    pub fn first_cell(&self) -> usize {
-        self.first_row * self.padding.stride
-    }
-
-    /// Cells from one row to the next.
-    pub fn stride(&self) -> usize {
-        self.padding.stride
+    /// So many planes of zeros.
+    pub fn new(target: Target, region: Region, planes: usize) -> Window {
+        Window { target, region, planes: vec![vec![0.0; region.len()]; planes] }
     }
 }
 
-/// The sums of a whole frame: for each target that is kept, its planes one after another.
+/// The sums of a whole frame: planes of each target.
 pub struct Sums {
     size: Size,
-    pub given: Buffer<f32>,
-    pub level: Buffer<f32>,
-    pub swept: Vec<Buffer<f32>>,
+    targets: Vec<(Target, Buffer<f32>)>,
 }
 
 impl Sums {
     /// Zeros; the channels of `size` are the planes of each target.
-    pub fn new(size: Size, kept: Kept, layers: usize) -> Sums {
+    pub fn new(size: Size, targets: impl IntoIterator<Item = Target>) -> Sums {
         let zeros = || Buffer::full(size.pixels() * size.channels, 0.0);
-        let unless_swept = || if kept == Kept::All { zeros() } else { Buffer::unset(0) };
-        Sums {
-            size,
-            given: unless_swept(),
-            level: unless_swept(),
-            swept: (0..layers).map(|_| zeros()).collect(),
-        }
+        Sums { size, targets: targets.into_iter().map(|target| (target, zeros())).collect() }
     }
 
-    /// Adds a window. What lies beyond the border is the mirror image of what is added to.
-    pub fn add(&mut self, window: &Window) {
+    /// The sums of each target, in the order in which they were asked for.
+    pub fn into_planes(self) -> impl Iterator<Item = Buffer<f32>> {
+        self.targets.into_iter().map(|(_, planes)| planes)
+    }
+
+    /// Adds windows, in their order. What lies beyond the border is the mirror image of what is added to.
+    pub fn add(&mut self, padding: &Padding, windows: &[Window]) {
         let (n, width) = (self.size.pixels(), self.size.width);
-        let Window { padding, first_row, .. } = window;
-        let inside = padding.pad..padding.pad + width;
-        let outside: Vec<(usize, usize)> = (0..inside.start)
-            .chain(inside.end..padding.stride)
-            .map(|px| (px, padding.column(px).0))
+        let planes: Vec<(Target, usize, &mut [f32])> = self
+            .targets
+            .iter_mut()
+            .flat_map(|(target, planes)| {
+                let target = *target;
+                planes.chunks_exact_mut(n).enumerate().map(move |(c, plane)| (target, c, plane))
+            })
             .collect();
-        let targets = [&mut self.given, &mut self.level].into_iter().chain(&mut self.swept);
-        let planes: Vec<&mut [f32]> = targets.flat_map(|target| target.chunks_exact_mut(n)).collect();
-        planes.into_par_iter().zip(&window.planes).for_each(|(plane, from)| {
-            for (py, row) in (*first_row..).zip(from.chunks_exact(padding.stride)) {
-                let into = &mut plane[padding.row(py).0 * width..][..width];
-                into.iter_mut().zip(&row[inside.clone()]).for_each(|(into, v)| *into += v);
-                outside.iter().for_each(|&(px, x)| into[x] += row[px]);
+        planes.into_par_iter().for_each(|(target, c, plane)| {
+            for Window { region, planes, .. } in windows.iter().filter(|window| window.target == target) {
+                let columns = region.first.0..region.first.0 + region.stride;
+                let frame = padding.pad..padding.pad + width;
+                let inside =
+                    columns.start.clamp(frame.start, frame.end)..columns.end.clamp(frame.start, frame.end);
+                let rows = planes[c].chunks_exact(region.stride).take(region.rows);
+                for (py, row) in (region.first.1..).zip(rows) {
+                    let into = &mut plane[padding.row(py).0 * width..][..width];
+                    let of = |px: usize| row[px - columns.start];
+                    let own = &row[inside.start - columns.start..inside.end - columns.start];
+                    let within = &mut into[inside.start - padding.pad..inside.end - padding.pad];
+                    within.iter_mut().zip(own).for_each(|(into, v)| *into += v);
+                    let outside = (columns.start..inside.start).chain(inside.end..columns.end);
+                    outside.for_each(|px| into[padding.column(px).0] += of(px));
+                }
             }
         });
     }
