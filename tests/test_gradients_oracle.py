@@ -122,8 +122,7 @@ def test_on_a_surface_depth_has_the_gradient_of_the_lens_integral(surface, radiu
 
     def ends(change):
         ends = [
-            oracle.of_surface(waves, lambda x, y, by=by: k * change(x, y, by), pixels)
-            for by in (step, -step)
+            oracle.of_surface(waves, lambda x, y, by=by: k * change(x, y, by), pixels) for by in (step, -step)
         ]
         return (ends[0] - ends[1]) / (2.0 * step)
 

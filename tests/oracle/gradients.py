@@ -56,7 +56,7 @@ def picture(near: Tensor, far: Tensor, near_shift: Tensor, far_shift: Tensor, po
 
 
 def quadrature(rings: int = 10, spokes: int = 36) -> list[tuple[float, float, float]]:
-    """Give points of the unit disc with their weights, exact for polynomials: Gauss's in the square of the radius."""
+    """Give points of the unit disc with their weights: Gauss's in the square of the radius."""
     places, weights = np.polynomial.legendre.leggauss(rings)
     angles = 2.0 * np.pi * (np.arange(spokes) + 0.5) / spokes
     return [
@@ -72,7 +72,7 @@ def of_surface(
     pixels: tuple[Plane, Plane],
     steps: int = 8,
 ) -> Plane:
-    """Give what a lens sees at some pixels of one surface, both of which are functions of the place: nothing is sampled."""
+    """Give what a lens sees at some pixels of one surface: texture and shift are functions of the place."""
     x, y = pixels
     total = np.zeros_like(x)
     for across, down, weight in quadrature():
