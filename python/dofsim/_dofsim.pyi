@@ -736,9 +736,12 @@ class Scene:
         threads: int | None = None,
         **options: Unpack[_SpritesOptions],
     ) -> list[tuple[str, float]]: ...
-    def _gradient_by_color(
-        self,
-        /,
+
+@final
+class _Gradients:
+    def __new__(
+        cls,
+        scene: Scene,
         lens: Lens,
         cotangent: NDArray[np.float32],
         *,
@@ -746,18 +749,9 @@ class Scene:
         max_coc_px: float | None = None,
         threads: int | None = None,
         **options: Unpack[_LensOptions],
-    ) -> NDArray[np.float32]: ...
-    def _gradient_by_depth(
-        self,
-        /,
-        lens: Lens,
-        cotangent: NDArray[np.float32],
-        *,
-        aperture: Aperture | None = None,
-        max_coc_px: float | None = None,
-        threads: int | None = None,
-        **options: Unpack[_LensOptions],
-    ) -> tuple[NDArray[np.float32], float, float]: ...
+    ) -> _Gradients: ...
+    def by_color(self, /) -> NDArray[np.float32]: ...
+    def by_depth(self, /) -> tuple[NDArray[np.float32], float, float]: ...
 
 @final
 class Beside:

@@ -107,9 +107,10 @@ def vjp(
     scene = _scene(color, depth, depth_kind, depth_range, overscan, supersample)
     words = {"aperture": aperture, "max_coc_px": max_coc_px, "threads": threads, **options}
     weights = _weights(cotangent, color, overscan, supersample)
+    gradients = _dofsim._Gradients(scene, lens, weights, **words)
     found: dict[str, Any] = {}
     if not {"color", "alpha"}.isdisjoint(names):
-        by_color = scene._gradient_by_color(lens, weights, **words)
+        by_color = gradients.by_color()
         by_color = by_color.reshape(color.shape).astype(color.dtype, copy=False)
         found["color"] = by_color
         if "alpha" in names:
@@ -117,7 +118,7 @@ def vjp(
                 raise ValueError(f'wrt: "alpha" is the last of 4 channels of color; got shape {color.shape}')
             found["alpha"] = by_color[..., 3]
     if not set(names) <= {"color", "alpha"}:
-        by_disparity, by_log_strength, by_focus = scene._gradient_by_depth(lens, weights, **words)
+        by_disparity, by_log_strength, by_focus = gradients.by_depth()
         settings = _settings(lens)
         for name in names:
             if name in _STRENGTHS:

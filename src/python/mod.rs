@@ -10,6 +10,7 @@ mod depth;
 mod devices;
 mod errors;
 mod files;
+mod gradients;
 mod hash;
 mod holdout;
 mod input;
@@ -53,6 +54,8 @@ pub mod _dofsim {
         exr_parts, file_kind, layers_of_samples, parse_profile, read_deep_exr, read_exr, read_raster,
         write_bytes, write_exr, write_pfm, write_png, write_tiff,
     };
+    #[pymodule_export]
+    use super::gradients::PyGradients;
     #[pymodule_export]
     use super::lens::PyLens;
     #[pymodule_export]

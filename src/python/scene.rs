@@ -16,16 +16,14 @@ use super::methods::read_method;
 use super::output::Output;
 use super::output_grid::OutputGrid;
 use super::refine::Refining;
-use super::run::{detached, simd};
-use crate::cpu::adjoint::ByDepth;
-use crate::cpu::render::Exposure;
+use super::run::simd;
 use crate::depth::{DepthKind, Invalid, Rays};
 use crate::device::Device;
 use crate::method::Method;
 use crate::optics::{Imaging, Lens, MaxRadius};
 use crate::picture::Size;
 use crate::renderer::{PassTime, Renderer};
-use numpy::{PyArray1, PyArrayMethods, PyReadonlyArrayDyn};
+use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -167,24 +165,16 @@ impl PyScene {
         Ok(self.rendered(py, std::slice::from_ref(lens), None, method, threads, out)?.0)
     }
 
-    /// A gradient of the picture through a lens, weighted by what `dofsim.vjp` has checked.
-    fn gradient<T: Send>(
+    /// The renderer of the picture, and how a lens images it, for a method that can render it so.
+    pub fn exposed(
         &self,
-        py: Python<'_>,
-        lens: &PyLens,
+        lens: &Lens,
         (method, max_radius): &(Method, Option<MaxRadius>),
-        threads: Option<usize>,
-        cotangent: &PyReadonlyArrayDyn<'_, f32>,
-        of: impl FnOnce(&Exposure, &[f32]) -> crate::error::Result<T> + Send,
-    ) -> PyResult<T> {
-        let (lens, size, simd) = (&lens.core, self.input.size, simd()?);
+    ) -> PyResult<(Arc<Renderer>, Imaging, Size)> {
+        let size = self.input.size;
         method.check(lens, self.input.layers(), self.input.format.lights(size))?;
         let imaging = Imaging { max_radius: *max_radius, ..self.grid.geometry(size).imaging(lens)? };
-        let renderer = self.renderer(lens)?;
-        let cotangent = cotangent.as_slice()?;
-        detached(py, threads, |cancel| {
-            renderer.gradient(&imaging, method, simd, cancel, |exposure| of(exposure, cotangent))
-        })
+        Ok((self.renderer(lens)?, imaging, size))
     }
 }
 
@@ -405,54 +395,6 @@ impl PyScene {
             ));
         }
         Ok(times)
-    }
-
-    /// How the sum of the rendered picture, weighted by `cotangent`, changes with `color`: an array like it in float32.
-    ///
-    /// For `dofsim.vjp`, which has checked the cotangent.
-    #[pyo3(signature = (lens, cotangent, *, aperture=None, max_coc_px=None, threads=None, **options))]
-    #[expect(clippy::too_many_arguments, reason = "those of a render, keyword-only in Python")]
-    fn _gradient_by_color<'py>(
-        &self,
-        py: Python<'py>,
-        lens: &PyLens,
-        cotangent: PyReadonlyArrayDyn<'py, f32>,
-        aperture: Option<&PyAperture>,
-        #[pyo3(from_py_with = argument::max_coc_px)] max_coc_px: Option<f64>,
-        #[pyo3(from_py_with = argument::threads)] threads: Option<usize>,
-        options: Option<&Bound<'py, PyDict>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let method = read_method("lens", aperture, max_coc_px, options)?;
-        let by_color = self.gradient(py, lens, &method, threads, &cotangent, |exposure, weights| {
-            exposure.by_color(weights)
-        })?;
-        let Size { height, width, channels } = self.input.size;
-        Ok(PyArray1::from_slice(py, &by_color).reshape([height, width, channels])?.into_any())
-    }
-
-    /// How that sum changes with the disparity of each pixel, with the logarithm of the lens's strength, and with the disparity
-    /// in focus.
-    ///
-    /// For `dofsim.vjp`, which has checked the cotangent.
-    #[pyo3(signature = (lens, cotangent, *, aperture=None, max_coc_px=None, threads=None, **options))]
-    #[expect(clippy::too_many_arguments, reason = "those of a render, keyword-only in Python")]
-    fn _gradient_by_depth<'py>(
-        &self,
-        py: Python<'py>,
-        lens: &PyLens,
-        cotangent: PyReadonlyArrayDyn<'py, f32>,
-        aperture: Option<&PyAperture>,
-        #[pyo3(from_py_with = argument::max_coc_px)] max_coc_px: Option<f64>,
-        #[pyo3(from_py_with = argument::threads)] threads: Option<usize>,
-        options: Option<&Bound<'py, PyDict>>,
-    ) -> PyResult<(Bound<'py, PyAny>, f64, f64)> {
-        let method = read_method("lens", aperture, max_coc_px, options)?;
-        let ByDepth { disparity, log_k, d_focus } =
-            self.gradient(py, lens, &method, threads, &cotangent, |exposure, weights| {
-                exposure.by_depth(weights)
-            })?;
-        let Size { height, width, .. } = self.input.size;
-        Ok((PyArray1::from_slice(py, &disparity).reshape([height, width])?.into_any(), log_k, d_focus))
     }
 
     fn __repr__(&self) -> String {

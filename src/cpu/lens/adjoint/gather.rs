@@ -70,6 +70,15 @@ struct Group {
     same: [u16; 2],
 }
 
+/// Two pixels beside each other along an axis, and what they have met.
+struct Pair {
+    pixels: [usize; 2],
+    mets: [Met; 2],
+    /// Where that is around the tile.
+    at: [usize; 2],
+    axis: usize,
+}
+
 /// The group of values that starts at `at`.
 #[inline(always)]
 fn group<T>(values: &[T], at: usize) -> &[T; FLOATS] {
@@ -312,12 +321,12 @@ impl<const C: usize> Gather<'_, C> {
         // SAFETY: per the function's contract.
         unsafe {
             let t = F::load(group(t, at));
-            let near = t.above_0();
-            let along = F::choose(near, F::all(lens[1][axis]), F::all(lens[0][axis]));
-            let is_in_front = along.mul(t).sub(F::all(met.away()[axis] as f32)).above_0();
+            let along = t.where_above_0(F::all(lens[1][axis]), F::all(lens[0][axis]));
+            // How far the first of both pixels reaches beyond the border.
+            let beyond = along.mul(t).sub(F::all(met.away()[axis] as f32));
             let mut dot = F::all(0.0);
             for c in 0..C {
-                let share = F::choose(is_in_front, in_front[c], behind[c]);
+                let share = beyond.where_above_0(in_front[c], behind[c]);
                 dot = dot.add(share.mul(F::load(group(&slopes[c], at))));
             }
             let sum = group_mut(&mut by_border[axis], at);
@@ -338,26 +347,29 @@ impl<const C: usize> Gather<'_, C> {
                 let next = pixel + [1, TILE.0][axis];
                 let mets = [met(pixel), met(next)];
                 if mets[0] != Met::NOTHING && mets[1] != Met::NOTHING {
-                    self.add_pair([pixel, next], mets, axis, lens);
+                    let pixels = [pixel, next];
+                    let at = both(|k| self.around.index(pixels[k], mets[k]));
+                    self.add_pair(&Pair { pixels, mets, at, axis }, lens);
                 }
             }
         }
     }
 
-    /// Adds what two pixels beside each other change, which meet two surfaces, or one in cells that are not beside each other.
+    /// Adds what two pixels change, which meet two surfaces, or one in cells that are not beside each other.
     #[inline(always)]
-    fn add_pair(&mut self, pixels: [usize; 2], mets: [Met; 2], axis: usize, lens: &LensPoint) {
-        let at = both(|k| self.around.index(pixels[k], mets[k]));
+    fn add_pair(&mut self, pair: &Pair, lens: &LensPoint) {
+        let &Pair { pixels, mets, at, axis } = pair;
         let [a, b] = both(|k| mets[k].away());
         // From the one cell to the other: on one surface with its shift, as many as pixels.
         let step = both(|along| b[along] - a[along] + i32::from(along == axis));
-        let layers = both(|k| &self.around.layers[mets[k].layer()]);
-        let [span_a, span_b] = both(|k| layers[k].span[at[k]]);
+        let [span_a, span_b] = both(|k| self.around.layers[mets[k].layer()].span[at[k]]);
         // A surface that is seen from the side may show every other cell only, or fewer. It rises by a cell's span from cell
         // to cell.
         let between = (step[0].abs().max(step[1].abs()) - 1).max(0) as u32;
         if !is_one_surface(span_a, span_b, between) {
-            self.add_rim(pixels, mets, axis, lens);
+            // The rim of the nearer one moves. Pairs of pixels in two tiles are not looked at; the others stand for them.
+            let side = [TILE.0, TILE.1][axis] as f32;
+            self.add_change(pair, usize::from(span_a.1 <= span_b.1), side / (side - 1.0), lens);
         } else if mets[0].layer() == mets[1].layer() && step[axis] >= 0 && step[1 - axis] == 0 {
             let away = a[axis] as f32;
             for passed in 0..step[axis] as usize {
@@ -365,11 +377,14 @@ impl<const C: usize> Gather<'_, C> {
                 self.add_border(pixels, (mets[0].layer(), at), away + passed as f32, axis, lens);
             }
         } else {
-            self.add_oblique(pixels, mets, axis, lens);
+            // In two columns and two rows, or two layers: half of it where the one cell is left, and half where the other one is
+            // entered.
+            (0..2).for_each(|k| self.add_change(pair, k, 0.5, lens));
         }
     }
 
     /// Adds what a border between two pixels changes: that behind a cell which is `away` from the first of them along an axis.
+    #[inline(always)]
     fn add_border(
         &mut self,
         pixels: [usize; 2],
@@ -390,37 +405,10 @@ impl<const C: usize> Gather<'_, C> {
         by_border[axis][at] += along * dot;
     }
 
-    /// Adds what two pixels change that meet one surface in cells of two columns and two rows, or in two layers: half of it
-    /// where the one cell is left, and half where the other one is entered.
-    fn add_oblique(&mut self, pixels: [usize; 2], mets: [Met; 2], axis: usize, lens: &LensPoint) {
-        for k in 0..2 {
-            let (along, changes) = self.change(pixels, mets, axis, k, lens);
-            self.add_to_cell(pixels[k], mets[k], 0.5 * along * changes);
-        }
-    }
-
-    /// Adds what two pixels change that meet two surfaces: the rim of the nearer one moves.
-    fn add_rim(&mut self, pixels: [usize; 2], mets: [Met; 2], axis: usize, lens: &LensPoint) {
-        let [a, b] =
-            both(|k| self.around.layers[mets[k].layer()].span[self.around.index(pixels[k], mets[k])].1);
-        let k = usize::from(a <= b);
-        let (along, changes) = self.change(pixels, mets, axis, k, lens);
-        // Pairs of pixels in two tiles are not looked at; the others stand for them.
-        let side = [TILE.0, TILE.1][axis] as f32;
-        self.add_to_cell(pixels[k], mets[k], side / (side - 1.0) * along * changes);
-    }
-
-    /// The lens point with which one cell of a pair moves, and what the pixel takes of the difference between both across
-    /// which that cell's border lies.
-    fn change(
-        &self,
-        pixels: [usize; 2],
-        mets: [Met; 2],
-        axis: usize,
-        k: usize,
-        lens: &LensPoint,
-    ) -> (f32, f32) {
-        let at = both(|k| self.around.index(pixels[k], mets[k]));
+    /// Adds a part of what a pair changes with one of its cells: the pixel across which that cell's border lies takes the
+    /// difference between both.
+    #[inline(always)]
+    fn add_change(&mut self, &Pair { pixels, mets, at, axis }: &Pair, k: usize, part: f32, lens: &LensPoint) {
         let layers = both(|k| &self.around.layers[mets[k].layer()]);
         let (lo, hi) = layers[k].span[at[k]];
         let t = layers[k].codes.shift(0.5 * (f32::from(lo) + f32::from(hi)));
@@ -430,12 +418,7 @@ impl<const C: usize> Gather<'_, C> {
         for c in 0..C {
             dot += self.shares[c][across] * (layers[1].color[c][at[1]] - layers[0].color[c][at[0]]);
         }
-        (along, dot)
-    }
-
-    fn add_to_cell(&mut self, pixel: usize, met: Met, v: f32) {
-        let at = self.around.index(pixel, met);
-        let sums = self.around.layers[met.layer()].sums.as_mut().expect("the layer is met");
-        sums.by_shift[at] += v;
+        let sums = self.around.layers[mets[k].layer()].sums.as_mut().expect("the layer is met");
+        sums.by_shift[at[k]] += part * along * dot;
     }
 }

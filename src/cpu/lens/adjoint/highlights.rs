@@ -55,11 +55,12 @@ impl RunningSums {
 pub fn adjoint(frame: &Frame, number: usize, tile: &Tile, cotangent: &TileColor) -> Vec<Light> {
     let (pass, highlights) = (frame.highlight_pass(), &frame.highlights);
     let mut found = Vec::new();
-    let (mut whole, mut hidden) = (None, None);
+    let (mut whole, mut hidden): (Option<RunningSums>, Option<Box<Hidden>>) = (None, None);
     for cluster in highlights.of_tile(number) {
         let partly;
         let sums = if cluster.hidden_in_part {
-            let hidden: &mut Hidden = &mut **hidden.insert(Box::new([0.0; TILE.0 * TILE.1]));
+            let hidden: &mut Hidden = hidden.get_or_insert_with(|| Box::new([0.0; TILE.0 * TILE.1]));
+            hidden.fill(0.0);
             let middle = &highlights.all[cluster.middle];
             let shadows = Shadows::new(cluster, middle, tile.origin, &frame.padded);
             let lit = [0..TILE.0 as i32, 0..TILE.1 as i32];

@@ -11,6 +11,7 @@ mod gather;
 mod highlights;
 mod in_focus;
 mod met;
+mod scratch;
 mod sharpening;
 mod shifts;
 mod views;
@@ -21,8 +22,6 @@ pub use shifts::of_shifts;
 
 use super::frame::Frame;
 use super::group::{Group, Input, Sharpening};
-use super::segments::Segments;
-use super::tile_color::TileColor;
 use super::widen::Widening;
 use crate::cancel::Cancel;
 use crate::error::Result;
@@ -30,16 +29,14 @@ use crate::memory::Buffer;
 use crate::optics::Optics;
 use crate::picture::Size;
 use crate::plan::lens::Settings;
-use crate::plan::lens::tiles::{Tile, Work, Works};
-use crate::rows::with_channels;
+use crate::plan::lens::tiles::Works;
 use crate::scene::origins::{Form, Origin, Origins};
 use crate::simd::Simd;
-use around::{Around, Asked};
-use gather::Gather;
+use around::Asked;
 use highlights::Light;
 use rayon::prelude::*;
-use views::Views;
-use waves::{Beyond, in_waves, read};
+use scratch::Scratch;
+use waves::in_waves;
 use window::{Sums, Target, Window};
 
 /// The adjoint of [`render`](super::render) for the colours of a picture of one layer: `cotangent` and the result are
@@ -79,7 +76,7 @@ pub fn adjoint(
     let mut swept: Vec<Buffer<f32>> = planes.collect();
     if frame.is_swept() {
         let drawn = frame.widened(&guide);
-        swept = sharpening::adjoint(&frame, size, &drawn, swept);
+        swept = sharpening::adjoint(&frame, size, drawn, swept);
         cancel.check()?;
         let layers = input.scene.layers.iter().zip(swept);
         let narrowed =
@@ -91,80 +88,6 @@ pub fn adjoint(
     }
     let cells = of_cells(&frame, size, swept, &level, &light);
     Ok(of_pixels(size, given, &cells, origins))
-}
-
-/// What tiles are worked on with, one after another.
-struct Scratch {
-    segments: Segments,
-    views: Views,
-    around: Around,
-    given: TileColor,
-    exact: TileColor,
-}
-
-impl Scratch {
-    fn new(frame: &Frame, size: Size, asked: Asked) -> Scratch {
-        Scratch {
-            segments: Segments::default(),
-            views: Views::new(size.channels),
-            around: Around::new(frame, size.channels, asked),
-            given: TileColor::new(size.channels),
-            exact: TileColor::new(size.channels),
-        }
-    }
-
-    /// What a tile adds to pixels and cells, and to highlights.
-    fn colors(
-        &mut self,
-        frame: &Frame,
-        size: Size,
-        (number, tile): (usize, &Tile),
-        cotangent: &[f32],
-    ) -> (Vec<Window>, Vec<Light>) {
-        let (layers, padding) = (&frame.input.scene.layers, &frame.padded.padding);
-        read(size, cotangent, tile.origin, &mut self.given);
-        let lights = highlights::adjoint(frame, number, tile, &self.given);
-        let windows = match &tile.work {
-            Work::InFocus => {
-                vec![in_focus::adjoint(layers, size, padding, &frame.in_focus, tile.origin, &self.given)]
-            }
-            Work::Disc => vec![disc::adjoint(frame, size, tile, &self.given)],
-            Work::Sweep { samples, disc, .. } => {
-                let mut windows = Vec::new();
-                if *disc > 0.0 {
-                    scaled(&self.given, *disc, &mut self.exact);
-                    windows.push(disc::adjoint(frame, size, tile, &self.exact));
-                    scaled(&self.given, 1.0 - *disc, &mut self.exact);
-                    std::mem::swap(&mut self.given, &mut self.exact);
-                }
-                self.look(frame, tile, *samples, &Beyond::read(size, cotangent, tile.origin));
-                with_channels!(size.channels, C => {
-                    gather::visit(&mut self.views, &mut self.around, |gather: &mut Gather<C>, _, view| {
-                        gather.add(frame.simd, view, None);
-                    });
-                });
-                windows.extend(self.around.added());
-                windows
-            }
-        };
-        (windows, lights)
-    }
-
-    /// Finds what the samples of a tile that is swept with so many meet.
-    fn look(&mut self, frame: &Frame, tile: &Tile, samples: usize, beyond: &Beyond) {
-        let Scratch { segments, views, around, given, .. } = self;
-        let Work::Sweep { occupied, .. } = &tile.work else { unreachable!("the tile is swept") };
-        frame.trace(segments, tile, samples, occupied);
-        // SAFETY: the segments have just been traced there.
-        unsafe { views.look(frame, segments, tile.origin, given, beyond) };
-        around.take(frame, tile.origin, views.reach);
-    }
-}
-
-fn scaled(from: &TileColor, by: f32, into: &mut TileColor) {
-    for (from, into) in from.planes.iter().zip(&mut into.planes) {
-        into.iter_mut().zip(from).for_each(|(into, from)| *into = by * from);
-    }
 }
 
 /// What each layer's cells contribute, from what they do as they are swept and, of the first layer, as exact discs.

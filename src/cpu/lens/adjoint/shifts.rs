@@ -1,10 +1,9 @@
 //! How a weighted sum of the rendered picture changes with the shift of each cell.
 
-use super::Scratch;
 use super::around::Asked;
-use super::gather::{self, Gather};
-use super::highlights::{self, Light};
-use super::waves::{Beyond, in_waves, read};
+use super::highlights::Light;
+use super::scratch::Scratch;
+use super::waves::in_waves;
 use super::window::{Sums, Target, Window};
 use crate::cancel::Cancel;
 use crate::cpu::lens::frame::Frame;
@@ -15,8 +14,7 @@ use crate::optics::Optics;
 use crate::picture::Size;
 use crate::plan::lens::Settings;
 use crate::plan::lens::footprint::{self, Footprint};
-use crate::plan::lens::tiles::{Tile, Work, Works};
-use crate::rows::with_channels;
+use crate::plan::lens::tiles::Works;
 use crate::scene::colors::Colors;
 use crate::scene::depth_spans::{self, Cell};
 use crate::simd::Simd;
@@ -120,28 +118,5 @@ impl Sharpened<'_> {
             }
         }
         sum
-    }
-}
-
-impl Scratch {
-    /// What a tile adds to the shifts and colours of cells, and to highlights.
-    fn shifts(
-        &mut self,
-        frame: &Frame,
-        size: Size,
-        (number, tile): (usize, &Tile),
-        cotangent: &[f32],
-    ) -> (Vec<Window>, Vec<Light>) {
-        let Work::Sweep { samples, .. } = tile.work else { return (Vec::new(), Vec::new()) };
-        read(size, cotangent, tile.origin, &mut self.given);
-        let lights = highlights::adjoint(frame, number, tile, &self.given);
-        self.look(frame, tile, samples, &Beyond::read(size, cotangent, tile.origin));
-        let samples = frame.samples(samples);
-        with_channels!(size.channels, C => {
-            gather::visit(&mut self.views, &mut self.around, |gather: &mut Gather<C>, sample, view| {
-                gather.add(frame.simd, view, Some(&samples[sample]));
-            });
-        });
-        (self.around.added().collect(), lights)
     }
 }

@@ -19,8 +19,8 @@ pub unsafe trait Floats: Copy {
     unsafe fn add(self, other: Self) -> Self;
     unsafe fn sub(self, other: Self) -> Self;
     unsafe fn mul(self, other: Self) -> Self;
-    /// The numbers above 0.
-    unsafe fn above_0(self) -> u16;
+    /// Those from one where this is above 0, the others from another.
+    unsafe fn where_above_0(self, from: Self, others: Self) -> Self;
     /// Those of a subset from one, the others from another.
     unsafe fn choose(subset: u16, from: Self, others: Self) -> Self;
     /// The places at which two codes are the same.
@@ -80,8 +80,8 @@ unsafe impl Floats for [f32; FLOATS] {
     }
 
     #[inline(always)]
-    unsafe fn above_0(self) -> u16 {
-        subset(|i| self[i] > 0.0)
+    unsafe fn where_above_0(self, from: Self, others: Self) -> Self {
+        each(|i| if self[i] > 0.0 { from[i] } else { others[i] })
     }
 
     #[inline(always)]
@@ -143,13 +143,14 @@ unsafe impl Floats for Avx2Floats {
     }
 
     #[inline(always)]
-    unsafe fn above_0(self) -> u16 {
+    unsafe fn where_above_0(self, from: Self, others: Self) -> Self {
         // SAFETY: as the trait demands of the caller.
         unsafe {
-            let zero = _mm256_setzero_ps();
-            let low = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_GT_OQ>(self.0[0], zero));
-            let high = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_GT_OQ>(self.0[1], zero));
-            (low | high << 8) as u16
+            let half = |i: usize| {
+                let above = _mm256_cmp_ps::<_CMP_GT_OQ>(self.0[i], _mm256_setzero_ps());
+                _mm256_blendv_ps(others.0[i], from.0[i], above)
+            };
+            Avx2Floats([half(0), half(1)])
         }
     }
 
@@ -224,9 +225,12 @@ unsafe impl Floats for __m512 {
     }
 
     #[inline(always)]
-    unsafe fn above_0(self) -> u16 {
+    unsafe fn where_above_0(self, from: Self, others: Self) -> Self {
         // SAFETY: as the trait demands of the caller.
-        unsafe { _mm512_cmp_ps_mask::<_CMP_GT_OQ>(self, _mm512_setzero_ps()) }
+        unsafe {
+            let above = _mm512_cmp_ps_mask::<_CMP_GT_OQ>(self, _mm512_setzero_ps());
+            _mm512_mask_blend_ps(above, others, from)
+        }
     }
 
     #[inline(always)]
@@ -257,18 +261,19 @@ mod tests {
         a: &[f32; FLOATS],
         b: &[f32; FLOATS],
         chosen: u16,
-    ) -> (Vec<[u32; FLOATS]>, [u16; 2]) {
+    ) -> (Vec<[u32; FLOATS]>, u16) {
         // SAFETY: the caller has detected the instructions.
         unsafe {
             let (x, y) = (F::load(a), F::load(b));
-            let results = [x.add(y), x.sub(y), x.mul(y), F::choose(chosen, x, y), F::all(a[3])];
+            let results =
+                [x.add(y), x.sub(y), x.mul(y), F::choose(chosen, x, y), F::all(a[3]), x.where_above_0(x, y)];
             let stored = results.map(|result| {
                 let mut stored = [0.0; FLOATS];
                 result.store(&mut stored);
                 stored.map(f32::to_bits)
             });
             let codes = [a, b].map(|values| values.map(f32::to_bits));
-            (stored.to_vec(), [x.above_0(), F::same(&codes[0], &codes[1])])
+            (stored.to_vec(), F::same(&codes[0], &codes[1]))
         }
     }
 
@@ -283,7 +288,8 @@ mod tests {
             // SAFETY: needs nothing.
             let expected = unsafe { found::<[f32; FLOATS]>(&a, &b, chosen) };
             prop_assert_eq!(expected.0[3][0], if chosen & 1 == 1 { a[0] } else { b[0] }.to_bits());
-            prop_assert_eq!(expected.1[1] & 1 == 1, a[0].to_bits() == b[0].to_bits());
+            prop_assert_eq!(expected.0[5][0], if a[0] > 0.0 { a[0] } else { b[0] }.to_bits());
+            prop_assert_eq!(expected.1 & 1 == 1, a[0].to_bits() == b[0].to_bits());
             #[cfg(target_arch = "x86_64")]
             if is_x86_feature_detected!("avx2") {
                 // SAFETY: detected.
