@@ -38,7 +38,7 @@ impl Input {
     /// Reads and checks both arrays, and refines the depth if that is asked for.
     pub fn read(
         color: &Bound<'_, PyAny>,
-        depth: &Bound<'_, PyAny>,
+        (depth, kind): (&Bound<'_, PyAny>, DepthKind),
         alpha: Option<&str>,
         transfer: Option<&str>,
         invalid: InvalidColor,
@@ -47,7 +47,7 @@ impl Input {
         let array = &array("color", color)?;
         let shape = color_shape(array.shape())?;
         let format = read_format(array, &shape, alpha, transfer)?;
-        let mut planes = read_depth(depth)?;
+        let mut planes = read_depth(depth, kind)?;
         let expected = (shape.layers, shape.size.height, shape.size.width);
         if refining.is_none() && (planes.planes.len(), planes.height, planes.width) != expected {
             return Err(PyValueError::new_err(format!(

@@ -18,7 +18,8 @@ use std::time::Instant;
 ///     front to back. float16, float32 or float64 in linear light, or uint8 or uint16 with `transfer`.
 /// depth : ndarray
 ///     What each pixel sees, shape (H, W), or (L, H, W) for layers. float16, float32 or float64; metres unless
-///     `depth_kind` says otherwise. Infinity is background.
+///     `depth_kind` says otherwise. Infinity is background. With ``depth_kind="relative"`` also uint8 or uint16, as parts of
+///     their greatest value.
 /// lens : Lens
 ///     The lens.
 /// holdout : tuple of ndarray, optional
@@ -57,7 +58,7 @@ use std::time::Instant;
 /// depth_range : tuple of float, optional
 ///     With ``depth_kind="relative"``, the disparities that become 0 (far) and 1 (near), in place of the percentiles of
 ///     this picture: one range for all pictures of a sequence keeps what does not move as blurred as it is. Where larger
-///     is farther, the first is the larger.
+///     is farther, the first is the larger. Of integers, in parts of their greatest value.
 /// invalid : {"raise", "far"}, optional
 ///     What to do with invalid depth (NaN, negative or zero): raise an error, or take it for the background.
 /// invalid_color : {"raise", "fill"}, optional

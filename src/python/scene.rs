@@ -220,8 +220,9 @@ impl PyScene {
         let invalid = read_invalid(invalid)?;
         let refining = refine.then_some(Refining { kind, invalid, threads: None });
         let invalid_color = read_invalid_color(invalid_color)?;
-        let read =
-            |color: &Bound<'py, PyAny>| Input::read(color, depth, alpha, transfer, invalid_color, refining);
+        let read = |color: &Bound<'py, PyAny>| {
+            Input::read(color, (depth, kind), alpha, transfer, invalid_color, refining)
+        };
         let mut input = channels.picture(color, read)?;
         if holdout.is_some() && channels.any() {
             return Err(PyValueError::new_err(

@@ -124,6 +124,9 @@ def _read(frame: Frame, resume: bool) -> Loaded | Result:
     alpha = words.pop("alpha", None)
     grid = {name: frame.options[name] for name in ("overscan", "supersample") if name in frame.options}
     read_words = {**grid, **words}
+    if frame.options.get("depth_kind") == "relative":
+        # Whole numbers need no unit then.
+        read_words.setdefault("depth_scale", 1.0)
     beside: list[Framed] = []
     if frame.neighbours:
         keep = len(frame.neighbours) + 2
