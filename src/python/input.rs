@@ -103,10 +103,18 @@ impl Input {
         self.depth.iter().map(|plane| &plane[..]).collect()
     }
 
-    /// The coverage of the first layer, if the colours have one.
-    pub fn coverage(&self) -> Option<&[f32]> {
+    /// How much of each pixel of each layer a mean counts: its coverage, if the colours have one. Where a holdout blocks what
+    /// lies behind it, a mean has to know how much it has seen, if of whole pixels. Empty if all counts alike.
+    pub fn seen(&self) -> Vec<Cow<'_, [f32]>> {
         let lights = self.format.lights(self.size) * self.size.pixels();
-        Some(&self.color[0][lights..]).filter(|coverage| !coverage.is_empty())
+        let coverage = self.color.iter().map(|planes| &planes[lights..]);
+        if lights < self.size.channels * self.size.pixels() {
+            coverage.map(Cow::Borrowed).collect()
+        } else if self.holdout.is_some() {
+            coverage.map(|_| Cow::Owned(vec![1.0; self.size.pixels()])).collect()
+        } else {
+            Vec::new()
+        }
     }
 
     /// The number of layers.

@@ -26,11 +26,11 @@ use std::time::Instant;
 ///     What blocks the light of what is behind it and is not seen itself: its alpha, 0 to 1, and its depth, both as floats
 ///     of shape (H, W), or (L, H, W) in any order. It goes through the same lens as the picture: out of focus it blocks
 ///     softly, by visibility for every lens point. What is blocked is missing in the picture's alpha, if it has one. Where a
-///     holdout is as far away as a surface, it is in front. For ``method="lens"``, without `guide` and `kinds`.
+///     holdout is as far away as a surface, it is in front. For ``method="lens"``.
 /// guide : ndarray, optional
-///     The picture that decides, shape (H, W) or (H, W, C) with 1 to 4 channels: what `color` is without it. `color` then
-///     holds any number of channels of any meaning, as floats, each of which goes through the lens alone, by the same
-///     weights: visibility, edges, hidden surfaces, coverage and highlights are found from the guide. `alpha`, `transfer` and
+///     The picture that decides, shape (H, W) or (H, W, C) with 1 to 4 channels, or (L, H, W, 4) for layers: what `color` is
+///     without it. `color` then holds any number of channels of any meaning, as floats, of shape (H, W, N), or (L, H, W, N)
+///     with values in each layer. Each channel goes through the lens alone, by the same weights: visibility, edges, hidden surfaces, coverage and highlights are found from the guide. `alpha`, `transfer` and
 ///     `invalid_color` are about the guide. For ``method="lens"`` on the CPU, which ``device="auto"`` then stands for.
 /// kinds : str or sequence of str, optional
 ///     What the channels are, one word for all or one for each: ``"light"`` (default), ``"matte"`` (coverage and masks: as
@@ -94,7 +94,7 @@ use std::time::Instant;
 /// Returns
 /// -------
 /// ndarray
-///     The picture, in the dtype and format of `color`; (H, W, 4) for layers.
+///     The picture, in the dtype and format of `color`; (H, W, 4) for layers, or (H, W, N) for channels in layers.
 ///
 /// Raises
 /// ------

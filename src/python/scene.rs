@@ -224,11 +224,6 @@ impl PyScene {
             Input::read(color, (depth, kind), alpha, transfer, invalid_color, refining)
         };
         let mut input = channels.picture(color, read)?;
-        if holdout.is_some() && channels.any() {
-            return Err(PyValueError::new_err(
-                "holdout cannot be used with guide or kinds: channels are rendered without holdouts",
-            ));
-        }
         input.holdout = holdout.map(|given| Holdout::read(given, input.size)).transpose()?;
         let channels = channels.read(color, &input)?;
         let grid = OutputGrid::new(input.size, overscan, supersample)?;
