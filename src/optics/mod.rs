@@ -28,6 +28,6 @@ pub use defocus::{Defocus, Measure, Optics};
 pub use disparity_map::{DisparityMap, MaxRadius};
 pub use imaging::{Falloff, Frame, Imaging, SecondStop};
 pub use lens::{Aberrations, Base, FovAxis, Lens, Mount, Strength, Vignetting};
-pub use lens_map::{Deviation, LensMap};
+pub use lens_map::{Deviation, Fields, LensMap};
 pub use surface::FocusSurface;
 pub use transverse::{BarnDoors, Course, Field, Transverse};
