@@ -18,6 +18,7 @@ from ._names import printable
 
 if TYPE_CHECKING:
     from .batch import Frame
+    from .batch.frames import Output
     from .batch.workers import Workers
 
 log = logging.getLogger("dofsim")
@@ -82,7 +83,7 @@ def look_at(frame: Frame) -> None:
     from .batch import Result, work
 
     # The circle of confusion is where invalid depth is refused. It has no margin.
-    outputs = () if frame.options["overscan"] else ("coc",)
+    outputs: tuple[Output, ...] = () if frame.options["overscan"] else ("coc",)
     found = work.compute(work.read(replace(frame, outputs=outputs, neighbours=()), resume=False))
     if isinstance(found, Result):
         raise ValueError(f"{frame.color}: {found.error}")
