@@ -485,8 +485,9 @@ mod tests {
             assert!((behind[0] - 0.3 * expected).abs() < 1e-12 && (behind[1] + 0.4 * expected).abs() < 1e-12);
         }
         let corners = [place(-2.0, -2.0), place(-1.5, 2.0)];
-        assert!((map.deviation_between(corners, corners).lens - 0.4).abs() < 1e-12);
-        assert!((map.deviation(place(0.1, 0.1)).lens - 0.6).abs() < 1e-12);
+        // The farthest node beside the rim is at (1, 0.75).
+        assert!((map.deviation_between(corners, corners).lens - 1.25 * 0.4).abs() < 1e-12);
+        assert!((map.deviation(place(0.1, 0.1)).lens - 1.25 * 0.6).abs() < 1e-12);
     }
 
     #[test]
