@@ -19,7 +19,8 @@
 //! long. Under astigmatism, rays that differ in `u` meet again at the shift `H a h^2 / 2`, those that differ in `v` at
 //! the negative of it: there a point is a line.
 
-use super::lens_map::{Deviation, Direction, Landing, LensMap, Place};
+use super::fields::{Direction, Place};
+use super::lens_map::{Deviation, Landing, LensMap};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
