@@ -63,9 +63,7 @@ $(WORK)/.tools: pyproject.toml
 	$(PYTHON) -m venv $(WORK)
 	$(WORK)/bin/python $(PIP) install --quiet --upgrade $(NEW_PIP)
 	$(WORK)/bin/python $(PIP) install --quiet --group test --group lint
-	@$(WORK)/bin/python $(PIP) install --quiet --group reference \
-		|| echo 'SKIPPED: Mitsuba cannot be installed here; the tests against it will be skipped'
-	@for group in $(EXTRAS); do $(WORK)/bin/python $(PIP) install --quiet --group $$group \
+	@for group in reference prescription $(EXTRAS); do $(WORK)/bin/python $(PIP) install --quiet --group $$group \
 		|| echo "SKIPPED: $$group cannot be installed here; its tests will be skipped"; done
 	@touch $@
 

@@ -97,11 +97,11 @@ impl Carried {
     }
 
     /// Puts rendered channels, interleaved, in the order of the output, and divides data by their weight. `own` says that
-    /// the output has the pixels of the picture: a pixel of data that is rendered as it was then comes back bit for bit.
+    /// the output has the pixels of a picture of one layer: a pixel of data that is rendered as it was then comes back bit for bit.
     pub fn finish(&self, rendered: &[f32], own: bool, out: &mut [f32]) {
         const PIXELS: usize = 1 << 12;
         let (channels, outputs) = (self.rendered(), self.outputs());
-        let planes = self.groups.iter().flat_map(|group| group.planes.chunks_exact(group.size.pixels()));
+        let planes = self.groups.iter().flat_map(|group| group.layers[0].chunks_exact(group.size.pixels()));
         let planes: Vec<&[f32]> = planes.collect();
         let data = self.channels.partition_point(|channel| channel.kind.weighting() == Weighting::Light);
         let parts = out.par_chunks_mut(PIXELS * outputs).zip(rendered.par_chunks(PIXELS * channels));
@@ -167,7 +167,7 @@ mod tests {
         let size = Size { width: 2, height: 1, channels: 1 };
         let group = |values: [f32; 2]| {
             let planes = Arc::new(values.into_iter().collect::<Buffer<f32>>());
-            ChannelGroup { size, weighting: Weighting::Mean, planes }
+            ChannelGroup { size, weighting: Weighting::Mean, layers: vec![planes] }
         };
         let groups = vec![group([0.7 * 0.3, 0.0]), group([0.3, 0.0])];
         let channels = vec![Channel { kind: Data, place: 0, weight: Some(1) }];

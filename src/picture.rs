@@ -101,18 +101,18 @@ pub struct ChannelGroup {
     pub size: Size,
     /// How their values are put together.
     pub weighting: Weighting,
-    /// One plane for each channel.
-    pub planes: Arc<Buffer<f32>>,
+    /// For each layer of the picture, one plane for each channel.
+    pub layers: Vec<Arc<Buffer<f32>>>,
 }
 
 impl ChannelGroup {
     /// The most channels of a group.
     pub const MOST: usize = 4;
 
-    /// The values of a pixel; zero for channels that the group does not have.
+    /// The values of a pixel of the first layer; zero for channels that the group does not have.
     pub fn at(&self, index: usize) -> [f32; 4] {
         let n = self.size.pixels();
-        std::array::from_fn(|c| if c < self.size.channels { self.planes[c * n + index] } else { 0.0 })
+        std::array::from_fn(|c| if c < self.size.channels { self.layers[0][c * n + index] } else { 0.0 })
     }
 }
 
@@ -128,11 +128,22 @@ pub struct Picture {
     /// Coverage of pixels at edges of a picture of one layer, where it is known beside their colours; in the order of
     /// rows.
     pub edges: Arc<Vec<KnownCoverage>>,
-    /// Channels that a picture of one layer carries.
+    /// Channels that the picture carries, in as many layers.
     pub carried: Arc<Vec<ChannelGroup>>,
 }
 
 impl Picture {
+    /// The coverage of each of several layers; one layer covers all.
+    pub fn coverage(&self) -> Vec<&[f32]> {
+        match self.layers.as_slice() {
+            [_] => Vec::new(),
+            layers => {
+                let first = (self.size.channels - 1) * self.size.pixels();
+                layers.iter().map(|layer| &layer.color[first..]).collect()
+            }
+        }
+    }
+
     /// These layers alone.
     pub fn new(size: Size, layers: Vec<Layer>) -> Picture {
         Picture { size, layers, holdouts: Arc::default(), edges: Arc::default(), carried: Arc::default() }

@@ -441,8 +441,8 @@ def test_a_manifest_is_told_of_in_its_own_words(few, capsys):
     assert batch("--manifest", "m.csv", "-o", "out", *LENS_OPTIONS) == 2
     message = capsys.readouterr().err
     assert (
-        'm.csv, line 2: a frame has no "aperture"; it has color, depth, output, focus_at, aperture_radius'
-        in message
+        'm.csv, line 2: a frame has no "aperture"; it has color, depth, holdout, output, focus_at, '
+        "aperture_radius" in message
     )
     assert "--" not in message
     Path("m.csv").write_text("color,depth,focus_distance\nrgb/0000.exr,depth/0000_depth.pfm,near\n")

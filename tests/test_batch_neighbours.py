@@ -133,3 +133,21 @@ def test_what_does_not_fit_is_said(shot):
         Frame(
             **{**vars(frames(shot)[0]), "neighbours": with_neighbours(frames(shot), CAMERAS, 1)[0].neighbours}
         )
+
+
+def test_a_holdout_goes_with_neighbours(shot):
+    matte = np.zeros((SCENE.height, SCENE.width), np.float32)
+    matte[:, 30:] = 1.0
+    picture = np.dstack([np.zeros((*matte.shape, 3), np.float32), matte])
+    io.write_image(shot / "roto.exr", picture, depth=np.full(matte.shape, 0.5), dtype="float")
+    wanted = [replace(one, holdout=shot / "roto.exr") for one in frames(shot)]
+    [result] = map_frames(with_neighbours(wanted, CAMERAS, 2)[2:3])
+    assert result.status == "written", result
+    out = io.read_color(shot / "out" / "0002.exr").pixels
+    assert not out[:, 50:].any()
+    bare = expected(shot, 2, (1, 3))
+    np.testing.assert_allclose(out[:, :8], bare[:, :8], atol=2e-2)
+    inverse = [replace(one, options={"depth_kind": "inverse_z"}) for one in wanted]
+    [result] = map_frames(with_neighbours(inverse, CAMERAS, 2)[2:3])
+    assert result.status == "failed"
+    assert "holdout goes with neighbours for depth_kind='z'" in result.error

@@ -228,7 +228,7 @@ REFUSED = [
     ({"guide": None, "kinds": "light"}, "guide must be given for color of more than 4 channels"),
     ({"guide": np.ones((9, 8, 3), np.float32)}, r"guide must have the rows and columns of color, \[8, 8\]"),
     ({"guide": np.ones((8, 8, 5), np.float32)}, "guide must have 1 to 4 channels"),
-    ({"guide": np.ones((1, 8, 8, 4), np.float32)}, "guide must have shape .* one layer"),
+    ({"guide": np.ones((1, 8, 8, 4), np.float32)}, "guide must have the layers, rows and columns of color"),
     ({"guide": np.ones((8, 8, 3), np.uint8)}, "transfer must be given for integer"),
     ({"guide": "picture"}, "guide must be a NumPy array"),
     ({"guide": NAN[..., :3]}, "guide has 64 pixels that are not finite"),

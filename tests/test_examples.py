@@ -77,6 +77,8 @@ def folder(tmp_path, monkeypatch):
     io.write_image(
         "set.exr", half * np.ones((*small.shape[:2], 4), np.float32), depth=0.4 * np.ones_like(near)
     )
+    for index in range(2):
+        shutil.copy("set.exr", f"roto.{index:04}.exr")
     for name in ("color", "depth", "shots"):
         Path(name).mkdir()
     for index in range(2):

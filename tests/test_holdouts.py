@@ -368,8 +368,6 @@ def test_what_cannot_be_used_is_named(name):
 def test_what_goes_not_with_a_holdout_is_refused_by_name():
     color, depth = one_layer()
     holdout = (everywhere(1.0), everywhere(1.0))
-    with pytest.raises(ValueError, match=r"holdout cannot be used with guide or kinds"):
-        render(color, depth, holdout, guide=color)
     with pytest.raises(ValueError, match='holdout is for method="lens"; got method="poisson"'):
         render(color, depth, holdout, method="poisson")
     with pytest.raises(
@@ -412,10 +410,6 @@ def test_a_file_holds_a_picture_out(files):
         ),
         (["--holdout", "small.exr"], "small.exr: a holdout must have the pixels of the picture, 160 x 96"),
         (["--holdout", "none.exr"], "none.exr: No such file"),
-        (
-            ["--holdout", "set.exr", "--channels", "*"],
-            "--holdout is for pictures, and --channels are rendered without",
-        ),
         (["--holdout", "set.exr", "--method", "taps"], "holdout is for --method lens; got --method taps"),
         (["--holdout", "out.exr"], "out.exr"),
     ],

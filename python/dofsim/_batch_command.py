@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import logging
-import sys
-import time
-from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from random import Random
@@ -17,18 +13,17 @@ import typer
 
 from . import _command_options as options
 from . import _console, _options
+from ._batch_run import FAILURES, look_at, run
 from ._names import printable
 
 if TYPE_CHECKING:
     from .batch import Frame, Row
-    from .batch.workers import Workers
 
 log = logging.getLogger("dofsim")
 
 _FRAMES = "Frames"
 _OUTPUTS = "Outputs"
 _RANDOM = "Random lenses"
-_FAILURES = "failures.jsonl"
 
 
 @options.with_groups
@@ -50,12 +45,22 @@ def batch_command(
             help="The depth maps, likewise. Without it they are in the files of the pictures.",
         ),
     ] = None,
+    holdout: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HOLDOUT",
+            help="What blocks the light of what is behind it and is not seen itself: a file for all frames, "
+            "or a folder or a pattern of one for each, with names as for DEPTH. They are pictures with depth "
+            "and alpha (OpenEXR, flat or deep, or NPZ).",
+            rich_help_panel=_FRAMES,
+        ),
+    ] = None,
     manifest: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="CSV or JSON lines in place of COLOR and DEPTH: color, depth, output, focus_at and the "
-            "words of the lens; paths are relative to it, and its words win.",
+            help="CSV or JSON lines in place of COLOR and DEPTH: color, depth, holdout, output, focus_at and "
+            "the words of the lens; paths are relative to it, and its words win.",
             rich_help_panel=_FRAMES,
         ),
     ] = None,
@@ -210,12 +215,20 @@ def batch_command(
     if (cameras is None) != (neighbours == 0):
         raise ValueError("--cameras and --neighbours need each other")
     rows = list(_rows(color, depth, manifest, output))
+    if holdout is not None:
+        rows = _with_holdouts(rows, color, holdout, output)
     # The first frames have neighbours beyond the limit.
     rows = rows if neighbours else rows[:limit]
     if dask not in (None, "local"):
         # Workers elsewhere stand in other folders.
         rows = [
-            replace(row, color=row.color.absolute(), depth=row.depth and row.depth.absolute()) for row in rows
+            replace(
+                row,
+                color=row.color.absolute(),
+                depth=row.depth and row.depth.absolute(),
+                holdout=row.holdout and row.holdout.absolute(),
+            )
+            for row in rows
         ]
     lens_file, focus_at = lens_options.lens_file, lens_options.focus_at
     words, opening = _options.read_settings(lens_file, lens_options.words, vars(aperture_options))
@@ -260,6 +273,7 @@ def batch_command(
         frame = Frame(
             color=row.color,
             depth=row.depth,
+            holdout=row.holdout,
             output=output / f"{row.name}{row.suffix or suffix}",
             lens=_options.merged(words | drawn, row.lens),
             focus_at=focus,
@@ -284,19 +298,21 @@ def batch_command(
     lists = [
         path for path in (manifest, lens_file, cameras, opening.get("image")) if isinstance(path, (str, Path))
     ]
-    _check_paths(frames, output, [Path(path) for path in lists], [one for one in (color, depth) if one])
+    searched = [one for one in (color, depth, holdout) if one]
+    _check_paths(frames, output, [Path(path) for path in lists], searched)
     _console.wake(render_options.device, verbose=verbose)
     _check_options(frames[0])
     if kind["depth_kind"] == "relative" and depth_options.depth_range is None and not dry_run:
         frames = _with_one_scale(frames)
     if dry_run:
         for frame in frames:
-            inputs = " + ".join(printable(str(path)) for path in (frame.color, frame.depth) if path)
+            read = (frame.color, frame.depth, frame.holdout)
+            inputs = " + ".join(printable(str(path)) for path in read if path)
             print(f"{inputs} -> {printable(str(frame.output))}")
-        _look_at(frames[0])
+        look_at(frames[0])
         log.info("%d frames; nothing was written (--dry-run)", len(frames))
         return 0
-    return _run(frames, output, workers=workers, dask=dask, resume=resume)
+    return run(frames, output, workers=workers, dask=dask, resume=resume)
 
 
 def _rows(color: str | None, depth: str | None, manifest: Path | None, output: Path) -> Iterator[Row]:
@@ -315,6 +331,23 @@ def _rows(color: str | None, depth: str | None, manifest: Path | None, output: P
             yield Row(name=name, color=picture, depth=plane)
 
 
+def _with_holdouts(rows: list[Row], color: str | None, holdout: str, output: Path) -> list[Row]:
+    """Give frames their holdout: a file to all that have none, or to each the one of its name."""
+    from .batch import pair_files
+
+    if Path(holdout).is_file():
+        return [row if row.holdout else replace(row, holdout=Path(holdout)) for row in rows]
+    if color is None:
+        raise ValueError("--holdout is a file for all frames of a --manifest, which names those of each")
+    found = dict(pair_files(color, holdout, exclude=output).pairs.values())
+    if missing := [row.color for row in rows if row.color not in found]:
+        raise ValueError(
+            f"{missing[0]}: has no holdout in {holdout}, as {len(missing)} of {len(rows)} frames; give each "
+            "one, or name the frames in a --manifest"
+        )
+    return [replace(row, holdout=found[row.color]) for row in rows]
+
+
 def _has_focus(words: dict[str, Any]) -> bool:
     return not set(_options.FOCUS_WORDS).isdisjoint(words)
 
@@ -329,9 +362,9 @@ def _check_paths(frames: list[Frame], output: Path, lists: list[Path], searched:
     from .batch.records import SUMMARY
 
     folder = output.resolve()
-    read = [path for frame in frames for path in (frame.color, frame.depth) if path is not None]
+    read = [path for frame in frames for path in frame.inputs]
     inputs = {path.resolve() for path in (*read, *lists)}
-    written = [output / _FAILURES, output / SUMMARY]
+    written = [output / FAILURES, output / SUMMARY]
     for frame in distinct(frames):
         written += [frame.record, *frame.files.values()]
     for path in written:
@@ -363,7 +396,8 @@ def _check_options(frame: Frame) -> None:
     middle = np.mean(frame.options.get("depth_range") or 0.5)
     depth = np.full((side, side), middle, np.float32)
     some_focus = replace(frame, focus_at="random" if frame.focus_at is not None else None)
-    work.render(work.Loaded(frame=some_focus, fingerprint="", image=image, depth=depth))
+    holdout = None if frame.holdout is None else (np.zeros_like(depth), depth)
+    work.render(work.Loaded(frame=some_focus, fingerprint="", image=image, depth=depth, holdout=holdout))
 
 
 def _with_one_scale(frames: list[Frame]) -> list[Frame]:
@@ -379,130 +413,3 @@ def _with_one_scale(frames: list[Frame]) -> list[Frame]:
         len(frames),
     )
     return [replace(frame, options={**frame.options, "depth_range": found}) for frame in frames]
-
-
-def _run(frames: list[Frame], output: Path, *, workers: int, dask: str | None, resume: bool) -> int:
-    """Work through the frames and return the exit status."""
-    from tqdm import tqdm
-
-    from .batch import map_frames
-    from .batch.claim import claimed
-    from .batch.records import summarise
-    from .batch.unfinished import without_unfinished
-
-    output.mkdir(parents=True, exist_ok=True)
-    failures = output / _FAILURES
-    counts: Counter[str] = Counter()
-    start = time.perf_counter()
-    with (
-        # A run that did not come to its end may have been killed by a frame, which is then computed apart.
-        claimed(output) as died,
-        without_unfinished(frames),
-        _workers(workers, dask, apart=died) as found,
-        # Only people are shown how it goes on, not files.
-        tqdm(total=len(frames), unit="frame", disable=None) as progress,
-    ):
-        for result in map_frames(
-            [_with_threads(frame, found.threads_each) for frame in frames],
-            executor=found.executor,
-            in_flight=2 * found.slots,
-            resume=resume,
-            failures=failures,
-        ):
-            counts[result.status] += 1
-            progress.update()
-            if result.error is not None:
-                message = printable(f"{result.frame.output}: {options.in_options(result.error)}")
-                tqdm.write(f"dofsim: {message}", file=sys.stderr)
-            elif result.status == "written" and log.isEnabledFor(logging.DEBUG):
-                line = f"{result.frame.output}: {_console.taken(result.seconds)}"
-                tqdm.write(printable(line), file=sys.stderr)
-    seconds = time.perf_counter() - start
-    log.info(
-        "%s: %d written, %d there already, %d failed in %.1f s (%.1f frames/s)",
-        output,
-        *(counts[status] for status in ("written", "skipped", "failed")),
-        seconds,
-        len(frames) / seconds,
-    )
-    if summary := summarise(frames, output):
-        _say_summary(summary, output)
-    if counts["failed"]:
-        log.info("%s: what failed, and why", failures)
-    return 1 if counts["failed"] else 0
-
-
-def _look_at(frame: Frame) -> None:
-    """Say how deep a frame is and how wide its blur is, or what is wrong with it; nothing is rendered."""
-    from .batch import Result, work
-
-    # The circle of confusion is where invalid depth is refused. It has no margin.
-    outputs = () if frame.options["overscan"] else ("coc",)
-    found = work.compute(work.read(replace(frame, outputs=outputs, neighbours=()), resume=False))
-    if isinstance(found, Result):
-        raise ValueError(f"{frame.color}: {found.error}")
-    record = found.found
-    log.info("%s: %s%s", frame.color, _depth_of(record), _blur_of(record["blur_radius_px"]["max"]))
-    for suspicion in record["suspicions"].values():
-        log.warning("%s: %s", frame.color, options.in_options(suspicion))
-
-
-def _depth_of(record: dict[str, Any]) -> str:
-    """Write the range of the depth in a record or a summary, if it has one."""
-    from ._report import spread
-
-    if (ends := record["depth_range"]) is None:
-        return ""
-    return f"{spread(record['depth_quantity'], record['depth_unit'], ends)}; "
-
-
-def _blur_of(radius_px: float) -> str:
-    """Write the largest blur radius of one frame."""
-    from ._report import pixels
-
-    return f"the largest blur radius is {pixels(radius_px)} px"
-
-
-def _say_summary(summary: dict[str, Any], output: Path) -> None:
-    """Say how deep the frames are and how wide their blur is, and what of it is suspicious."""
-    from ._report import pixels
-
-    largest = summary["largest_blur_radius_px"]
-    blur = _blur_of(largest["max"])
-    if summary["frames"] > 1:
-        radius = {name: pixels(value) for name, value in largest.items()}
-        blur = (
-            f"the largest blur radius of a frame is {radius['median']} px (median), {radius['p5']} to "
-            f"{radius['p95']} px from the 5th to the 95th percentile"
-        )
-    log.info("%s: %s%s", output, _depth_of(summary), blur)
-    for found in summary["suspicions"].values():
-        log.warning(
-            "%d of %d frames, the first is %s: %s",
-            found["frames"],
-            summary["frames"],
-            found["first"],
-            options.in_options(found["says"]),
-        )
-
-
-def _with_threads(frame: Frame, threads: int | None) -> Frame:
-    """Share the processors among frames that are computed side by side, unless the user has."""
-    given = frame.options["threads"]
-    return replace(frame, options={**frame.options, "threads": threads if given is None else given})
-
-
-@contextmanager
-def _workers(workers: int, dask: str | None, *, apart: bool) -> Iterator[Workers]:
-    """Start those who compute the frames, or find them; if ``apart``, in no case this process."""
-    from .batch.workers import Processes, Workers, dask_cluster, share_of_processors
-
-    if dask is not None:
-        with dask_cluster(dask, workers) as cluster:
-            yield cluster
-        return
-    if workers == 1 and not apart:
-        yield Workers(executor=None, slots=1, threads_each=None)
-        return
-    with Processes(workers) as pool:
-        yield Workers(pool, workers, share_of_processors(workers))

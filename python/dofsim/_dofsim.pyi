@@ -70,6 +70,7 @@ _ChannelKinds: TypeAlias = _ChannelKind | Sequence[_ChannelKind]
 _InvalidColor: TypeAlias = Literal["raise", "fill"]
 _Picture: TypeAlias = NDArray[np.floating[Any]] | NDArray[np.integer[Any]]
 _Pictures: TypeAlias = _Picture | Sequence[_Picture]
+_Depth: TypeAlias = NDArray[np.floating[Any]] | NDArray[np.integer[Any]]
 _Holdout: TypeAlias = tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]]]
 _Pair: TypeAlias = tuple[float, float]
 _Path: TypeAlias = str | PathLike[str]
@@ -217,7 +218,7 @@ class LensMap:
     def load(path: _Path) -> LensMap: ...
     def save(self, /, path: _Path) -> None: ...
     @property
-    def field(self, /) -> NDArray[np.float64]: ...
+    def field(self, /) -> NDArray[np.float64] | tuple[NDArray[np.float64], NDArray[np.float64]]: ...
     @property
     def behind(self, /) -> NDArray[np.float64]: ...
     @property
@@ -385,7 +386,7 @@ class Lens:
     def focused_at(
         self,
         /,
-        depth: NDArray[np.floating[Any]],
+        depth: _Depth,
         x: int,
         y: int,
         *,
@@ -398,7 +399,7 @@ class Lens:
     def focused_on(
         self,
         /,
-        depth: NDArray[np.floating[Any]],
+        depth: _Depth,
         target: Literal["nearest", "farthest", "centre", "center"] | NDArray[np.bool_],
         *,
         depth_kind: _DepthKind = "z",
@@ -409,7 +410,7 @@ class Lens:
     def focused_on_plane(
         self,
         /,
-        depth: NDArray[np.floating[Any]],
+        depth: _Depth,
         pixels: Sequence[tuple[int, int]],
         *,
         depth_kind: _DepthKind = "z",
@@ -427,7 +428,7 @@ class Scene:
     def __new__(
         cls,
         color: NDArray[np.floating[Any]] | NDArray[np.integer[Any]],
-        depth: NDArray[np.floating[Any]],
+        depth: _Depth,
         *,
         holdout: _Holdout | None = None,
         guide: _Picture | None = None,
@@ -783,7 +784,7 @@ def device_submissions() -> tuple[int, float]: ...
 def devices() -> list[Device]: ...
 def lacking_for_gpu() -> list[str]: ...
 def coc(
-    depth: NDArray[np.floating[Any]],
+    depth: _Depth,
     lens: Lens,
     *,
     depth_kind: _DepthKind = "z",
@@ -835,7 +836,7 @@ def restore_highlights(
 @overload
 def refine_depth(
     color: NDArray[np.floating[Any]] | NDArray[np.integer[Any]],
-    depth: NDArray[np.floating[Any]],
+    depth: _Depth,
     *,
     depth_kind: _DepthKind = "z",
     near: float | None = None,
@@ -850,7 +851,7 @@ def refine_depth(
 @overload
 def refine_depth(
     color: NDArray[np.floating[Any]] | NDArray[np.integer[Any]],
-    depth: NDArray[np.floating[Any]],
+    depth: _Depth,
     *,
     depth_kind: _DepthKind = "z",
     near: float | None = None,
@@ -865,7 +866,7 @@ def refine_depth(
 @overload
 def render(
     color: NDArray[_Sample],
-    depth: NDArray[np.floating[Any]],
+    depth: _Depth,
     lens: Lens,
     *,
     holdout: _Holdout | None = None,
@@ -894,7 +895,7 @@ def render(
 @overload
 def render(
     color: NDArray[_Sample],
-    depth: NDArray[np.floating[Any]],
+    depth: _Depth,
     lens: Lens,
     *,
     method: Literal["poisson"],
@@ -920,7 +921,7 @@ def render(
 @overload
 def render(
     color: NDArray[_Sample],
-    depth: NDArray[np.floating[Any]],
+    depth: _Depth,
     lens: Lens,
     *,
     method: Literal["gaussian"],
@@ -946,7 +947,7 @@ def render(
 @overload
 def render(
     color: NDArray[_Sample],
-    depth: NDArray[np.floating[Any]],
+    depth: _Depth,
     lens: Lens,
     *,
     method: Literal["taps"],
@@ -972,7 +973,7 @@ def render(
 @overload
 def render(
     color: NDArray[_Sample],
-    depth: NDArray[np.floating[Any]],
+    depth: _Depth,
     lens: Lens,
     *,
     method: Literal["hexagonal"],
@@ -998,7 +999,7 @@ def render(
 @overload
 def render(
     color: NDArray[_Sample],
-    depth: NDArray[np.floating[Any]],
+    depth: _Depth,
     lens: Lens,
     *,
     method: Literal["levels"],
@@ -1024,7 +1025,7 @@ def render(
 @overload
 def render(
     color: NDArray[_Sample],
-    depth: NDArray[np.floating[Any]],
+    depth: _Depth,
     lens: Lens,
     *,
     method: Literal["sprites"],
@@ -1049,7 +1050,7 @@ def render(
 ) -> NDArray[_Sample]: ...
 def focusable_pixels(
     lens: Lens,
-    depth: NDArray[np.floating[Any]],
+    depth: _Depth,
     *,
     depth_kind: _DepthKind = "z",
     near: float | None = None,

@@ -27,6 +27,7 @@ def render_ids(
     lens: _dofsim.Lens,
     *,
     guide: NDArray[Any],
+    holdout: tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]]] | None = None,
     aperture: _dofsim.Aperture | None = None,
     depth_kind: Any = "z",
     near: float | None = None,
@@ -54,8 +55,9 @@ def render_ids(
     depth, lens
         As for `render`.
     guide : ndarray
-        The picture that decides, as for `render`. If it has coverage, that is what the ranks add up to.
-    aperture, depth_kind, near, far, depth_range, invalid, invalid_color, alpha, transfer, overscan
+        The picture that decides, as for `render`, of one layer. If it has coverage, that is what the ranks
+        add up to.
+    holdout, aperture, depth_kind, near, far, depth_range, invalid, invalid_color, alpha, transfer, overscan
         As for `render`.
     in_focus, max_coc_px, views, threads
         As for `render`.
@@ -122,6 +124,7 @@ def render_ids(
             focused,
             guide=guide,
             kinds="matte",
+            holdout=holdout,
             aperture=aperture,
             invalid_color=invalid_color,
             alpha=alpha,

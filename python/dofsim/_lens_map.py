@@ -12,7 +12,8 @@ from dofsim import _arrays
 from dofsim._dofsim import LensMap
 from dofsim._files import StrPath
 
-_ARRAYS = ("field", "behind", "in_front", "focused")
+_FIELD, _GRID = ("field",), ("field_x", "field_y")
+_OFFSETS = ("behind", "in_front", "focused")
 
 
 def lens_points(points: int) -> NDArray[np.float64]:
@@ -66,17 +67,20 @@ def _places(picture: NDArray[np.float64], points: int) -> NDArray[np.float64]:
     return np.stack([x, y], axis=-1)
 
 
-def _pictures(name: str, given: ArrayLike, field: NDArray[np.float64]) -> NDArray[np.float64]:
+def _pictures(name: str, given: ArrayLike, places: tuple[int, ...]) -> NDArray[np.float64]:
+    """Read pictures at so many places, or rows and columns of places, one after another."""
     pictures = np.asarray(given, np.float64)
-    if pictures.ndim != 3 or len(pictures) != len(field) or 0 in pictures.shape:
+    if pictures.shape[:-2] != places or 0 in pictures.shape:
+        shape = "(F, H, W)" if len(places) == 1 else "(Y, X, H, W)"
+        count = " x ".join(map(str, places))
         raise ValueError(
-            f"{name} must have shape (F, H, W) with {len(field)} pictures as field; got {pictures.shape}"
+            f"{name} must have shape {shape} with {count} pictures as field; got {pictures.shape}"
         )
     if not (np.isfinite(pictures).all() and (pictures >= 0).all()):
         raise ValueError(f"{name} must hold light, finite and not negative")
-    if not pictures.any(axis=(1, 2)).all():
+    if not pictures.any(axis=(-2, -1)).all():
         raise ValueError(f"{name} must hold light in every picture; got a dark one")
-    return pictures
+    return pictures.reshape(-1, *pictures.shape[-2:])
 
 
 def from_pictures(
@@ -88,37 +92,46 @@ def from_pictures(
     points: int,
 ) -> LensMap:
     """Make `LensMap.from_pictures`."""
-    heights = np.atleast_1d(np.asarray(field, np.float64))
+    if isinstance(field, tuple) and len(field) == 2 and all(map(np.ndim, field)):
+        places: tuple[int, ...] = (len(field[1]), len(field[0]))
+    else:
+        field = np.atleast_1d(np.asarray(field, np.float64))
+        places = (len(field),)
     if points < 3:
         raise ValueError(f"points must be at least 3; got {points}")
     if (focused is None) != (focused_size is None):
         raise TypeError("from_pictures() takes focused and focused_size together")
     words: dict[str, Any] = {}
 
-    def places(name: str, given: ArrayLike) -> NDArray[np.float64]:
-        return np.stack([_places(picture, points) for picture in _pictures(name, given, heights)])
+    def landings(pictures: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.reshape([_places(picture, points) for picture in pictures], (*places, points, points, 2))
 
     if in_front is not None:
-        turned = _pictures("in_front", in_front, heights)[:, ::-1, ::-1]
-        words["in_front"] = places("in_front", turned)
+        words["in_front"] = landings(_pictures("in_front", in_front, places)[:, ::-1, ::-1])
     if focused is not None and focused_size is not None:
         if not (np.isfinite(focused_size) and focused_size > 0):
             raise ValueError(f"focused_size must be a number of half diagonals above 0; got {focused_size}")
-        words["focused"] = 0.5 * focused_size * places("focused", focused)
-    return LensMap(heights, places("behind", behind), **words)
+        words["focused"] = 0.5 * focused_size * landings(_pictures("focused", focused, places))
+    return LensMap(field, landings(_pictures("behind", behind, places)), **words)
 
 
 def save(lens_map: LensMap, path: StrPath) -> None:
     """Make `LensMap.save`."""
-    _arrays.write_npz(path, {name: getattr(lens_map, name) for name in _ARRAYS})
+    field = lens_map.field
+    names, places = (_GRID, field) if isinstance(field, tuple) else (_FIELD, (field,))
+    arrays = dict(zip(names, places, strict=True))
+    _arrays.write_npz(path, arrays | {name: getattr(lens_map, name) for name in _OFFSETS})
 
 
 def load(path: StrPath) -> LensMap:
     """Make `LensMap.load`."""
     try:
-        arrays = {name: _arrays.read_npz(path, name, ()) for name in _ARRAYS}
+        is_grid = set(_GRID).issubset(_arrays.npz_names(path))
+        places = [_arrays.read_npz(path, name, ()) for name in (_GRID if is_grid else _FIELD)]
+        behind, in_front, focused = (_arrays.read_npz(path, name, ()) for name in _OFFSETS)
     except ValueError as error:
+        names = ", ".join((*_FIELD, *_OFFSETS))
         raise ValueError(
-            f"{os.fspath(path)}: not a lens map, which is an archive with {', '.join(_ARRAYS)}: {error}"
+            f"{os.fspath(path)}: not a lens map, which is an archive with {names}: {error}"
         ) from error
-    return LensMap(arrays["field"], arrays["behind"], in_front=arrays["in_front"], focused=arrays["focused"])
+    return LensMap(tuple(places) if is_grid else places[0], behind, in_front=in_front, focused=focused)

@@ -184,8 +184,6 @@ def render_command(
     if channels or kind:
         if profile:
             raise ValueError("--profile is of the GPU, and --channels is rendered on the CPU")
-        if holdout is not None:
-            raise ValueError("--holdout is for pictures, and --channels are rendered without holdouts")
         chosen_passes = _passes_of(image, channels or ["*"], kind or [], output, dtype)
     framed = read_framed(
         image,

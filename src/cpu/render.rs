@@ -31,7 +31,7 @@ impl Exposure<'_> {
         let pixels = out.len() / carried.outputs();
         let mut rendered = Buffer::unset(pixels * carried.rendered());
         self.resolved(&mut rendered)?;
-        let own = self.scene.supersample == 1;
+        let own = self.scene.supersample == 1 && self.scene.picture.layers.len() == 1;
         carried.finish(&rendered, own, out);
         Ok(())
     }

@@ -1,9 +1,10 @@
-//! A lens as a map from its points to the sensor, measured or traced, at some heights of the field.
+//! A lens as a map from its points to the sensor, measured or traced, at some places of the field.
 //!
-//! The lens is rotationally symmetric: its maps are given for fields to the right of the axis and turned with the
-//! field. Lens points are the nodes of a square grid over the unit disc. Between nodes and between heights the map is
-//! linear along each axis, so that a thin lens, whose map is linear, is itself.
+//! Of a lens that is rotationally symmetric, maps are given for fields to the right of the axis and turned with the
+//! field; of any lens, for a grid of places. Lens points are the nodes of a square grid over the unit disc. Between nodes
+//! and between places the map is linear along each axis, so that a thin lens, whose map is linear, is itself.
 
+use super::fields::{Direction, Fields, Place};
 use crate::error::{Result, value_error};
 use std::f64::consts::TAU;
 
@@ -61,11 +62,11 @@ struct Node {
 /// The maps of a lens.
 #[derive(Debug, Clone)]
 pub struct LensMap {
-    heights: Vec<f64>,
+    fields: Fields,
     across: usize,
     /// As they were given, NaN where no light arrives.
     given: Vec<f64>,
-    /// By height, row and column.
+    /// By place, row and column.
     nodes: Vec<Node>,
     deviations: Vec<Deviation>,
     widest: f64,
@@ -75,7 +76,7 @@ impl PartialEq for LensMap {
     fn eq(&self, other: &LensMap) -> bool {
         // A NaN says that no light arrives, and equals another.
         let same = |a: &f64, b: &f64| a == b || a.is_nan() && b.is_nan();
-        self.heights == other.heights
+        self.fields == other.fields
             && self.across == other.across
             && self.given.iter().zip(&other.given).all(|(a, b)| same(a, b))
     }
@@ -96,32 +97,44 @@ fn interval(of: &[f64], value: f64) -> (usize, f64) {
     (i, ((value - of[i]) / (of[i + 1] - of[i])).clamp(0.0, 1.0))
 }
 
+/// The first and the last of the values in a rising list between which those from `least` to `most` lie.
+fn between(of: &[f64], least: f64, most: f64) -> (usize, usize) {
+    let (first, (last, beyond)) = (interval(of, least).0, interval(of, most));
+    (first, if beyond > 0.0 { last + 1 } else { last })
+}
+
+/// The maps of a grid around a place, with their weights.
+fn maps_around([x, y]: &[Vec<f64>; 2], at: [f64; 2]) -> impl Iterator<Item = (usize, f64)> + use<> {
+    let ends = |of: &[f64], v: f64| {
+        let (i, f) = interval(of, v);
+        [(i, 1.0 - f), (i + 1, f)]
+    };
+    let (columns, rows, across) = (ends(x, at[0]), ends(y, at[1]), x.len());
+    let maps = rows.into_iter().flat_map(move |(y, of_row)| {
+        columns.into_iter().map(move |(x, of_column)| (y * across + x, of_row * of_column))
+    });
+    maps.filter(|(_, weight)| *weight > 0.0)
+}
+
 impl LensMap {
-    /// The maps at rising `heights` of the field, in half diagonals. `given` holds for each height, row and column of
-    /// `across` x `across` lens points the six numbers of a [`Landing`]: focused, in front, behind.
-    pub fn new(heights: Vec<f64>, across: usize, given: Vec<f64>) -> Result<LensMap> {
-        let rising = heights.windows(2).all(|pair| pair[0] < pair[1]);
-        let valid = |h: &f64| h.is_finite() && *h >= 0.0;
-        if heights.is_empty() || !rising || !heights.iter().all(valid) {
-            return Err(value_error!(
-                "field must be rising distances from the axis in half diagonals, at least one, finite and not \
-                 negative; got {heights:?}"
-            ));
-        }
-        let of_height = across * across * Landing::LENGTH;
+    /// The maps at these places. `given` holds for each place, row and column of `across` x `across` lens points the six
+    /// numbers of a [`Landing`]: focused, in front, behind.
+    pub fn new(fields: Fields, across: usize, given: Vec<f64>) -> Result<LensMap> {
+        fields.check()?;
+        let of_place = across * across * Landing::LENGTH;
         let mut nodes = Vec::new();
-        for (h, given) in heights.iter().zip(given.chunks(of_height)) {
-            nodes.extend(read(*h, across, given)?);
+        for (i, given) in given.chunks(of_place).enumerate() {
+            nodes.extend(read(&fields.name(i), across, given)?);
         }
-        let mut map = LensMap { heights, across, given, nodes, deviations: Vec::new(), widest: 0.0 };
-        map.deviations = (0..map.heights.len()).map(|i| map.deviation_of(i)).collect();
+        let mut map = LensMap { fields, across, given, nodes, deviations: Vec::new(), widest: 0.0 };
+        map.deviations = (0..map.fields.count()).map(|i| map.deviation_of(i)).collect();
         map.widest = map.widest_disc();
         Ok(map)
     }
 
-    /// The heights of the field, the number of lens points along each axis, and the values as they were given.
-    pub fn parts(&self) -> (&[f64], usize, &[f64]) {
-        (&self.heights, self.across, &self.given)
+    /// The places, the number of lens points along each axis, and the values as they were given.
+    pub fn parts(&self) -> (&Fields, usize, &[f64]) {
+        (&self.fields, self.across, &self.given)
     }
 
     /// How many times as large as that of a thin lens the largest disc is; at least 1.
@@ -129,7 +142,7 @@ impl LensMap {
         self.widest
     }
 
-    /// The four nodes around a lens point in the map of height number `i`, with their weights.
+    /// The four nodes around a lens point in map number `i`, with their weights.
     fn around(&self, i: usize, l: [f64; 2]) -> [(usize, f64); 4] {
         let last = self.across - 1;
         let [(x, fx), (y, fy)] = l.map(|v| {
@@ -147,8 +160,8 @@ impl LensMap {
         ]
     }
 
-    /// The landing of lens point `l` in the map of height number `i`.
-    fn at_height(&self, i: usize, l: [f64; 2]) -> [f64; Landing::LENGTH] {
+    /// The landing of lens point `l` in map number `i`.
+    fn of_map(&self, i: usize, l: [f64; 2]) -> [f64; Landing::LENGTH] {
         let mut values = [0.0; Landing::LENGTH];
         for (node, weight) in self.around(i, l) {
             values.iter_mut().zip(self.nodes[node].values).for_each(|(v, node)| *v += weight * node);
@@ -156,8 +169,8 @@ impl LensMap {
         values
     }
 
-    /// The part of the light that arrives through lens point `l` in the map of height number `i`.
-    fn light_at_height(&self, i: usize, l: [f64; 2]) -> f64 {
+    /// The part of the light that arrives through lens point `l` in map number `i`.
+    fn light_of_map(&self, i: usize, l: [f64; 2]) -> f64 {
         // Nodes outside of the lens know nothing of light: beside the rim, those a cell further inside are asked.
         let inside = 1.0 - 3.0 / (self.across - 1) as f64;
         let within = (inside / l[0].hypot(l[1]).max(1e-9)).min(1.0);
@@ -165,36 +178,82 @@ impl LensMap {
         around.iter().map(|(node, weight)| weight * self.nodes[*node].light).sum()
     }
 
-    /// Where rays through lens point `l`, of a field to the right at `height`, land.
-    pub fn at(&self, height: f64, l: [f64; 2]) -> Landing {
-        let (i, f) = interval(&self.heights, height);
-        let mut values = self.at_height(i, l);
-        if f > 0.0 {
-            let farther = self.at_height(i + 1, l);
-            values.iter_mut().zip(farther).for_each(|(v, farther)| *v += f * (farther - *v));
+    /// The axis of lens points and of offsets at a place: maps at heights are turned with the field.
+    pub fn axis(&self, place: Place) -> Direction {
+        match self.fields {
+            Fields::Heights(_) => place.away,
+            Fields::Grid(_) => Direction::RIGHT,
         }
-        Landing::of(values)
+    }
+
+    /// Where rays of a place through lens point `l` land, both along its [axis](LensMap::axis).
+    pub fn at(&self, place: Place, l: [f64; 2]) -> Landing {
+        match &self.fields {
+            Fields::Heights(heights) => {
+                let (i, f) = interval(heights, place.height);
+                let mut values = self.of_map(i, l);
+                if f > 0.0 {
+                    let farther = self.of_map(i + 1, l);
+                    values.iter_mut().zip(farther).for_each(|(v, farther)| *v += f * (farther - *v));
+                }
+                Landing::of(values)
+            }
+            Fields::Grid(grid) => {
+                let mut values = [0.0; Landing::LENGTH];
+                for (i, weight) in maps_around(grid, place.at()) {
+                    values.iter_mut().zip(self.of_map(i, l)).for_each(|(v, of_map)| *v += weight * of_map);
+                }
+                Landing::of(values)
+            }
+        }
     }
 
     /// Whether they arrive.
-    pub fn arrives(&self, height: f64, l: [f64; 2]) -> bool {
-        let (i, f) = interval(&self.heights, height);
-        let light = self.light_at_height(i, l);
-        let farther = if f > 0.0 { self.light_at_height(i + 1, l) } else { light };
-        light + f * (farther - light) >= 0.5
+    pub fn arrives(&self, place: Place, l: [f64; 2]) -> bool {
+        let light = match &self.fields {
+            Fields::Heights(heights) => {
+                let (i, f) = interval(heights, place.height);
+                let light = self.light_of_map(i, l);
+                let farther = if f > 0.0 { self.light_of_map(i + 1, l) } else { light };
+                light + f * (farther - light)
+            }
+            Fields::Grid(grid) => {
+                maps_around(grid, place.at()).map(|(i, weight)| weight * self.light_of_map(i, l)).sum()
+            }
+        };
+        light >= 0.5
     }
 
-    /// How far the lens differs from a thin one at `height`, at most.
-    pub fn deviation(&self, height: f64) -> Deviation {
-        let (i, f) = interval(&self.heights, height);
-        if f > 0.0 { self.deviations[i].max(self.deviations[i + 1]) } else { self.deviations[i] }
+    /// How far the lens differs from a thin one at a place, at most.
+    pub fn deviation(&self, place: Place) -> Deviation {
+        match &self.fields {
+            Fields::Heights(heights) => {
+                let (i, f) = interval(heights, place.height);
+                if f > 0.0 { self.deviations[i].max(self.deviations[i + 1]) } else { self.deviations[i] }
+            }
+            Fields::Grid(grid) => self.deviation_of_maps(maps_around(grid, place.at()).map(|(i, _)| i)),
+        }
     }
 
-    /// The same for all heights from one to another.
-    pub fn deviation_between(&self, least: f64, most: f64) -> Deviation {
-        let (first, (last, beyond)) = (interval(&self.heights, least).0, interval(&self.heights, most));
-        let last = if beyond > 0.0 { last + 1 } else { last };
-        self.deviations[first..=last].iter().fold(Deviation::default(), |all, own| all.max(*own))
+    /// The same for all places of a rectangle: those of its corners with the least and the greatest columns and rows, and
+    /// those of its nearest and its farthest place from the axis.
+    pub fn deviation_between(&self, [first, last]: [Place; 2], [nearest, farthest]: [Place; 2]) -> Deviation {
+        match &self.fields {
+            Fields::Heights(heights) => {
+                let (first, last) = between(heights, nearest.height, farthest.height);
+                self.deviation_of_maps(first..=last)
+            }
+            Fields::Grid(grid) => {
+                let ends = [0, 1].map(|axis| between(&grid[axis], first.at()[axis], last.at()[axis]));
+                let [columns, rows] = ends.map(|(first, last)| first..=last);
+                let across = grid[0].len();
+                self.deviation_of_maps(rows.flat_map(|y| columns.clone().map(move |x| y * across + x)))
+            }
+        }
+    }
+
+    fn deviation_of_maps(&self, maps: impl Iterator<Item = usize>) -> Deviation {
+        maps.fold(Deviation::default(), |all, i| all.max(self.deviations[i]))
     }
 
     fn deviation_of(&self, i: usize) -> Deviation {
@@ -226,11 +285,11 @@ impl LensMap {
         const DIRECTIONS: usize = 256;
         const RINGS: usize = 16;
         let mut widest = 1.0f64;
-        for i in 0..self.heights.len() {
+        for i in 0..self.fields.count() {
             for (ring, turn) in (1..=RINGS).flat_map(|ring| (0..DIRECTIONS).map(move |turn| (ring, turn))) {
                 let (sin, cos) = (TAU * turn as f64 / DIRECTIONS as f64).sin_cos();
                 let rho = ring as f64 / RINGS as f64;
-                let values = self.at_height(i, [rho * cos, rho * sin]);
+                let values = self.of_map(i, [rho * cos, rho * sin]);
                 let [a, b] = Landing::of(values).out_of_focus.map(|v| v[0].hypot(v[1]));
                 widest = widest.max(a).max(b);
             }
@@ -240,9 +299,9 @@ impl LensMap {
     }
 }
 
-/// The nodes of one height. Where no light arrives, and outside the lens if nothing is given there, the map goes on as
+/// The nodes of the map of one place. Where no light arrives, and outside the lens if nothing is given there, the map goes on as
 /// beside it.
-fn read(height: f64, across: usize, given: &[f64]) -> Result<Vec<Node>> {
+fn read(field: &str, across: usize, given: &[f64]) -> Result<Vec<Node>> {
     let given_at =
         |i: usize| -> [f64; Landing::LENGTH] { std::array::from_fn(|k| given[i * Landing::LENGTH + k]) };
     let n = across * across;
@@ -263,14 +322,14 @@ fn read(height: f64, across: usize, given: &[f64]) -> Result<Vec<Node>> {
         if inside && far(focused, 1.0) {
             return Err(value_error!(
                 "focused must be offsets of at most 1 half diagonal (NaN where no light arrives); got {focused:?} at \
-                 field {height}, lens point {l:?}"
+                 field {field}, lens point {l:?}"
             ));
         }
         for (name, v) in ["in_front", "behind"].into_iter().zip(out_of_focus) {
             if inside && far(v, FARTHEST) {
                 return Err(value_error!(
                     "{name} must be offsets of at most {FARTHEST} radii (NaN where no light arrives); got {v:?} at \
-                     field {height}, lens point {l:?}"
+                     field {field}, lens point {l:?}"
                 ));
             }
         }
@@ -278,7 +337,7 @@ fn read(height: f64, across: usize, given: &[f64]) -> Result<Vec<Node>> {
         nodes.push(values.iter().all(|v| v.is_finite()).then_some(values));
     }
     if !any {
-        return Err(value_error!("light must arrive through some lens point; at field {height} all are NaN"));
+        return Err(value_error!("light must arrive through some lens point; at field {field} all are NaN"));
     }
     while nodes.iter().any(Option::is_none) {
         let known = nodes.clone();
@@ -329,21 +388,46 @@ mod tests {
         (0..across * across).flat_map(of_node).collect()
     }
 
+    /// A place to the right of the axis.
+    fn at(height: f64) -> Place {
+        Place { height, away: Direction::RIGHT }
+    }
+
+    #[test]
+    fn a_grid_is_bilinear_between_its_places_and_bounded_by_them() {
+        let across = 9;
+        let scaled = |by: f64| thin(across).into_iter().map(move |v| by * v);
+        let given = [1.0, 1.2, 1.4, 1.6].into_iter().flat_map(scaled).collect();
+        let grid = Fields::Grid([vec![-1.0, 1.0], vec![-0.5, 0.5]]);
+        let map = LensMap::new(grid, across, given).unwrap();
+        let place =
+            |x: f64, y: f64| Place { height: x.hypot(y), away: Direction([x, y].map(|v| v / x.hypot(y))) };
+        for (x, y, expected) in [(-1.0, -0.5, 1.0), (1.0, 0.5, 1.6), (0.5, -0.25, 1.25), (9.0, -9.0, 1.2)] {
+            let [_, behind] = map.at(place(x, y), [0.3, -0.4]).out_of_focus;
+            assert!((behind[0] - 0.3 * expected).abs() < 1e-12 && (behind[1] + 0.4 * expected).abs() < 1e-12);
+        }
+        let corners = [place(-2.0, -2.0), place(-1.5, 2.0)];
+        // The farthest node beside the rim is at (1, 0.75).
+        assert!((map.deviation_between(corners, corners).lens - 1.25 * 0.4).abs() < 1e-12);
+        assert!((map.deviation(place(0.1, 0.1)).lens - 1.25 * 0.6).abs() < 1e-12);
+    }
+
     #[test]
     fn a_thin_lens_is_itself_up_to_the_rim() {
         for across in [5, 8, 33] {
-            let map = LensMap::new(vec![0.0, 1.0], across, [thin(across), thin(across)].concat()).unwrap();
+            let heights = Fields::Heights(vec![0.0, 1.0]);
+            let map = LensMap::new(heights, across, [thin(across), thin(across)].concat()).unwrap();
             assert_eq!(map.widest(), 1.0);
             for turn in 0..100 {
                 let (sin, cos) = f64::from(turn).sin_cos();
                 let rho = (f64::from(turn) / 99.0).sqrt();
-                let landing = map.at(0.3, [rho * cos, rho * sin]);
-                assert!(map.arrives(0.3, [rho * cos, rho * sin]) && landing.focused == [0.0; 2]);
+                let landing = map.at(at(0.3), [rho * cos, rho * sin]);
+                assert!(map.arrives(at(0.3), [rho * cos, rho * sin]) && landing.focused == [0.0; 2]);
                 for v in landing.out_of_focus {
                     assert!((v[0] - rho * cos).hypot(v[1] - rho * sin) < 1e-12);
                 }
             }
-            let Deviation { focused, lens, lost } = map.deviation(0.5);
+            let Deviation { focused, lens, lost } = map.deviation(at(0.5));
             assert!(focused == 0.0 && lens < 1e-12 && lost == 0.0);
         }
     }
@@ -357,10 +441,10 @@ mod tests {
                 given[i * Landing::LENGTH] = f64::NAN;
             }
         }
-        let map = LensMap::new(vec![0.0], across, given).unwrap();
-        assert!(map.arrives(0.0, [0.45, 0.3]) && map.arrives(0.0, [0.45, -0.8]));
-        assert!(!map.arrives(0.0, [0.6, 0.3]) && !map.arrives(0.0, [0.6, 0.79]));
-        assert!((map.deviation(0.0).lost - 0.4375).abs() < 1e-12);
+        let map = LensMap::new(Fields::Heights(vec![0.0]), across, given).unwrap();
+        assert!(map.arrives(at(0.0), [0.45, 0.3]) && map.arrives(at(0.0), [0.45, -0.8]));
+        assert!(!map.arrives(at(0.0), [0.6, 0.3]) && !map.arrives(at(0.0), [0.6, 0.79]));
+        assert!((map.deviation(at(0.0)).lost - 0.4375).abs() < 1e-12);
     }
 
     #[test]
@@ -379,7 +463,7 @@ mod tests {
             (vec![0.0], with(f64::INFINITY), "in_front"),
             (vec![0.0], vec![f64::NAN; good.len()], "light"),
         ] {
-            let error = LensMap::new(heights, 5, given).unwrap_err().to_string();
+            let error = LensMap::new(Fields::Heights(heights), 5, given).unwrap_err().to_string();
             assert!(error.starts_with(name), "{error}");
         }
     }

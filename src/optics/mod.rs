@@ -17,6 +17,7 @@
 mod camera;
 mod defocus;
 mod disparity_map;
+mod fields;
 mod imaging;
 mod lens;
 mod lens_map;
@@ -26,6 +27,7 @@ mod transverse;
 pub use camera::{SENSORS, Sensor};
 pub use defocus::{Defocus, Measure, Optics};
 pub use disparity_map::{DisparityMap, MaxRadius};
+pub use fields::Fields;
 pub use imaging::{Falloff, Frame, Imaging, SecondStop};
 pub use lens::{Aberrations, Base, FovAxis, Lens, Mount, Strength, Vignetting};
 pub use lens_map::{Deviation, LensMap};

@@ -19,7 +19,8 @@
 //! long. Under astigmatism, rays that differ in `u` meet again at the shift `H a h^2 / 2`, those that differ in `v` at
 //! the negative of it: there a point is a line.
 
-use super::lens_map::{Deviation, LensMap};
+use super::fields::{Direction, Place};
+use super::lens_map::{Deviation, Landing, LensMap};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
@@ -54,9 +55,7 @@ pub struct Transverse {
 #[derive(Debug, Clone, Copy)]
 pub struct Field<'a> {
     lens: &'a Transverse,
-    /// Distance from the axis in half diagonals, and the direction away from it.
-    height: f64,
-    away: [f64; 2],
+    place: Place,
 }
 
 /// How a ray goes on from its pixel.
@@ -78,8 +77,8 @@ impl Transverse {
     pub fn at(&self, [x, y]: [f64; 2]) -> Field<'_> {
         let off = [x - self.centre[0], y - self.centre[1]];
         let distance = off[0].hypot(off[1]);
-        let away = if distance > 0.0 { off.map(|v| v / distance) } else { [1.0, 0.0] };
-        Field { lens: self, height: distance / self.half_diagonal_px, away }
+        let away = if distance > 0.0 { Direction(off.map(|v| v / distance)) } else { Direction::RIGHT };
+        Field { lens: self, place: Place { height: distance / self.half_diagonal_px, away } }
     }
 
     /// How far the lens differs at most from a thin one in the rectangle between two corners.
@@ -88,9 +87,10 @@ impl Transverse {
         // All but a map grows with the distance from the axis, along each direction.
         let all = corners.iter().fold(Deviation::default(), |all, corner| all.max(corner.deviation()));
         let Some(map) = &self.map else { return all };
-        let nearest = [0, 1].map(|i| self.centre[i].clamp(first[i], last[i]));
-        let most = corners.iter().map(|corner| corner.height).fold(0.0, f64::max);
-        all.max(map.deviation_between(self.at(nearest).height, most))
+        let nearest = self.at([0, 1].map(|i| self.centre[i].clamp(first[i], last[i]))).place;
+        let places = corners.map(|corner| corner.place);
+        let farthest = places.into_iter().fold(nearest, |a, b| if b.height > a.height { b } else { a });
+        all.max(map.deviation_between([places[0], places[3]], [nearest, farthest]))
     }
 
     /// How many times as large as that of a thin lens the largest disc is; at least 1.
@@ -100,51 +100,39 @@ impl Transverse {
 }
 
 impl Field<'_> {
-    /// A vector of the picture in the frame of the field: along it and across it.
-    fn turned(&self, [x, y]: [f64; 2]) -> [f64; 2] {
-        let [c, s] = self.away;
-        [c * x + s * y, c * y - s * x]
-    }
-
-    /// The inverse of [`Field::turned`].
-    fn turned_back(&self, [u, v]: [f64; 2]) -> [f64; 2] {
-        let [c, s] = self.away;
-        [c * u - s * v, s * u + c * v]
-    }
-
     /// Whether the ray through a point of the opening arrives.
     pub fn arrives(&self, pupil: [f64; 2]) -> bool {
         let map = self.lens.map.as_ref();
-        self.passes_doors(pupil) && map.is_none_or(|map| map.arrives(self.height, self.turned(pupil)))
+        self.passes_doors(pupil)
+            && map.is_none_or(|map| map.arrives(self.place, map.axis(self.place).turned(pupil)))
     }
 
     /// The course of the ray through a point of the opening, if it arrives.
     pub fn course(&self, pupil: [f64; 2]) -> Course {
-        let l = self.turned(pupil);
-        let (size, h) = (self.lens.half_diagonal_px, self.height);
+        let (size, h) = (self.lens.half_diagonal_px, self.place.height);
         match &self.lens.map {
             Some(map) => {
-                let landing = map.at(h, l);
-                let start_px = self.turned_back(landing.focused.map(|v| -size * v));
-                let lens = landing.out_of_focus.map(|v| self.turned_back(v));
-                Course { start_px, lens: Some(lens) }
+                let axis = map.axis(self.place);
+                let Landing { focused, out_of_focus } = map.at(self.place, axis.turned(pupil));
+                let start_px = axis.turned_back(focused.map(|v| -size * v));
+                Course { start_px, lens: Some(out_of_focus.map(|v| axis.turned_back(v))) }
             }
             None => {
-                let [u, v] = l;
+                let [u, v] = self.place.away.turned(pupil);
                 let coma = size * self.lens.coma * h / 3.0;
                 let astigmatism = 0.5 * size * self.lens.astigmatism * h * h;
                 let start = [
                     -coma * (3.0 * u * u + v * v) - astigmatism * u,
                     -coma * (2.0 * u * v) + astigmatism * v,
                 ];
-                Course { start_px: self.turned_back(start), lens: None }
+                Course { start_px: self.place.away.turned_back(start), lens: None }
             }
         }
     }
 
     /// Where the rectangular stop is, as seen from here, relative to the opening.
     fn doors_at(&self, moves: f64) -> [f64; 2] {
-        self.away.map(|v| -moves * self.height * v)
+        self.place.away.0.map(|v| -moves * self.place.height * v)
     }
 
     fn passes_doors(&self, pupil: [f64; 2]) -> bool {
@@ -156,9 +144,9 @@ impl Field<'_> {
 
     /// How far the lens differs here from a thin one, at most: the offset of what is in focus is in half diagonals.
     pub fn deviation(&self) -> Deviation {
-        let h = self.height;
+        let h = self.place.height;
         let own = match &self.lens.map {
-            Some(map) => map.deviation(h),
+            Some(map) => map.deviation(self.place),
             None => Deviation {
                 focused: self.lens.coma.abs() * h + 0.5 * self.lens.astigmatism.abs() * h * h,
                 ..Deviation::default()

@@ -14,10 +14,12 @@ use crate::optics::Lens;
 use crate::picture::{ChannelGroup, Size, Weighting};
 use crate::rows::bands;
 use numpy::PyUntypedArrayMethods;
+use numpy::ndarray::Axis;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyString;
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// Channels with a guide, and the format in which they are given back.
@@ -80,21 +82,25 @@ impl<'a, 'py> ChannelArguments<'a, 'py> {
             return read(color);
         };
         let (own, shape) = (array("guide", guide)?.shape().to_vec(), array("color", color)?.shape().to_vec());
-        if !matches!(own.len(), 2 | 3) {
+        let (axes, of_color, same) = match own.len() {
+            2 | 3 => (2, "(H, W) or (H, W, C)", "rows and columns"),
+            4 => (3, "(L, H, W) or (L, H, W, C)", "layers, rows and columns"),
+            _ => {
+                return Err(PyValueError::new_err(format!(
+                    "guide must have shape (H, W) or (H, W, C) with 1 to 4 channels, or (L, H, W, 4) for layers; got {own:?}"
+                )));
+            }
+        };
+        if !(axes..=axes + 1).contains(&shape.len()) || shape.contains(&0) {
             return Err(PyValueError::new_err(format!(
-                "guide must have shape (H, W) or (H, W, C) with 1 to 4 channels: a picture of one layer; got {own:?}"
+                "color must have shape {of_color} with guide of shape {own:?}; got {shape:?}"
             )));
         }
-        if !matches!(shape.len(), 2 | 3) || shape.contains(&0) {
+        if own[..axes] != shape[..axes] {
             return Err(PyValueError::new_err(format!(
-                "color must have shape (H, W) or (H, W, C) with guide; got {shape:?}"
-            )));
-        }
-        if own[..2] != shape[..2] {
-            return Err(PyValueError::new_err(format!(
-                "guide must have the rows and columns of color, {:?}; got {:?}",
-                &shape[..2],
-                &own[..2]
+                "guide must have the {same} of color, {:?}; got {:?}",
+                &shape[..axes],
+                &own[..axes]
             )));
         }
         read(guide).map_err(|error| of_guide(guide.py(), error))
@@ -105,40 +111,55 @@ impl<'a, 'py> ChannelArguments<'a, 'py> {
         if !self.any() {
             return Ok(None);
         }
-        if input.layers() > 1 {
-            return Err(PyValueError::new_err(
-                "kinds is for color of one layer: layers are rendered as light",
-            ));
-        }
         let array = &array("color", color)?;
         let sample_type = sample_type("color", array, false)?;
-        let shape = array.shape();
+        // The guide says whether the first axis is that of layers.
+        let layered = array.ndim() > 3 || (array.ndim() == 3 && self.is_layered()?);
+        let shape = &array.shape()[usize::from(layered)..];
         let (flat, channels) = (shape.len() == 2, shape.get(2).copied().unwrap_or(1));
         let order = Carried::order(&self.read_kinds(channels)?);
         let sizes = Carried::groups_of(input.size, &order);
         let places: Vec<usize> = order.iter().map(|(_, place)| *place).collect();
-        let mut planes = with_sample_type!(sample_type, T => view::<T, _>(array, |view| {
-            in_order(&view, |samples| separate(samples, channels, &places, &sizes))
+        let mut layers = with_sample_type!(sample_type, T => view::<T, _>(array, |view| {
+            let layer = |i: usize| if layered { view.index_axis(Axis(0), i) } else { view.view() };
+            let separated = |samples: &[T]| separate(samples, channels, &places, &sizes);
+            (0..input.layers()).map(|i| in_order(&layer(i), separated)).collect::<PyResult<Vec<_>>>()
         }))??;
         let weighted = installed(|| {
-            let planes = planes.iter_mut().flat_map(|group| group.chunks_exact_mut(input.size.pixels()));
-            let planes: Vec<_> = planes.collect();
-            weigh(planes, &order, input.coverage(), input.size.width)
+            let pixels = input.size.pixels();
+            let planes = layers
+                .iter_mut()
+                .map(|groups| groups.iter_mut().flat_map(|g| g.chunks_exact_mut(pixels)).collect());
+            weigh(planes.collect(), &order, &input.seen(), input.size.width)
         })??;
-        let groups = sizes.into_iter().zip(planes);
-        let groups = groups.chain(weighted.weights.chunks(ChannelGroup::MOST).map(|weights| {
-            let weights: Vec<&[f32]> = weights.iter().map(|weights| &weights[..]).collect();
-            let size = Size { channels: weights.len(), ..input.size };
-            ((size, Weighting::Mean), Buffer::concat(&weights))
-        }));
-        let groups = groups.map(|((size, weighting), planes)| ChannelGroup {
+        let mut of_layers: Vec<_> = layers.into_iter().map(Vec::into_iter).collect();
+        let groups = sizes.into_iter().map(|(size, weighting)| ChannelGroup {
             size,
             weighting,
-            planes: Arc::new(planes),
+            layers: of_layers.iter_mut().filter_map(Iterator::next).map(Arc::new).collect(),
         });
+        let groups = groups.chain(weighted.weights.chunks(ChannelGroup::MOST).map(|weights| {
+            let of_layer = |layer: usize| {
+                let weights: Vec<&[f32]> = weights.iter().map(|of_layers| &of_layers[layer][..]).collect();
+                Arc::new(Buffer::concat(&weights))
+            };
+            ChannelGroup {
+                size: Size { channels: weights.len(), ..input.size },
+                weighting: Weighting::Mean,
+                layers: (0..input.layers()).map(of_layer).collect(),
+            }
+        }));
         let carried = Carried::new(groups.collect(), weighted.channels, weighted.given);
         let format = ColorFormat { sample_type, transfer: Transfer::Linear, alpha: Alpha::None, flat };
         Ok(Some(Channels { carried, format }))
+    }
+
+    /// Whether the guide has layers.
+    fn is_layered(&self) -> PyResult<bool> {
+        Ok(match self.guide {
+            Some(guide) => array("guide", guide)?.ndim() == 4,
+            None => false,
+        })
     }
 
     fn read_kinds(&self, channels: usize) -> PyResult<Vec<ChannelKind>> {
@@ -199,62 +220,68 @@ fn separate<T: Sample>(
 /// Channels of which data have been multiplied by weights.
 struct Weighted {
     channels: Vec<Channel>,
-    weights: Vec<Buffer<f32>>,
+    /// For each weight, a plane of each layer.
+    weights: Vec<Vec<Buffer<f32>>>,
     /// See [`Carried::new`].
     given: Vec<Vec<(u32, f32)>>,
 }
 
-/// Multiplies data by the coverage of their pixel. What is infinite or NaN is of no weight; light must be finite.
+/// Multiplies data by how much is [seen](Input::seen) of their pixel. What is infinite or NaN is of no weight; light must be
+/// finite. `layers` has the planes of each layer, in this order.
 fn weigh(
-    planes: Vec<&mut [f32]>,
+    mut layers: Vec<Vec<&mut [f32]>>,
     order: &[(ChannelKind, usize)],
-    coverage: Option<&[f32]>,
+    seen: &[Cow<[f32]>],
     width: usize,
 ) -> PyResult<Weighted> {
     let mut all = Weighted { channels: Vec::new(), weights: Vec::new(), given: Vec::new() };
-    let mut of_coverage = None;
-    let count = planes.len();
-    for (plane, &(kind, place)) in planes.into_iter().zip(order) {
-        let infinite = first_infinite(plane);
+    let mut of_seen = None;
+    let whole = |layer: usize, i: usize| seen.get(layer).map_or(1.0, |seen| seen[i]);
+    for (c, &(kind, place)) in order.iter().enumerate() {
+        let planes: Vec<&[f32]> = layers.iter().map(|planes| &*planes[c]).collect();
+        let mut infinite =
+            planes.iter().enumerate().filter_map(|(l, plane)| Some((l, first_infinite(plane)?)));
         if kind < ChannelKind::Data {
-            if let Some(i) = infinite {
+            if let Some((layer, i)) = infinite.next() {
                 let (row, column) = (i / width, i % width);
+                let of_layer = if planes.len() > 1 { format!(" of layer {layer}") } else { String::new() };
                 return Err(PyValueError::new_err(format!(
                     "color must be finite where it is light or a matte; got {} in channel {place} at row {row}, \
-                     column {column}",
-                    plane[i]
+                     column {column}{of_layer}",
+                    planes[layer][i]
                 )));
             }
             all.channels.push(Channel { kind, place, weight: None });
             continue;
         }
-        let whole = |i: usize| coverage.map_or(1.0, |coverage| coverage[i]);
-        let weight_of = |i: usize| if plane[i].is_finite() { whole(i) } else { 0.0 };
-        let is_covered = |i: usize| coverage.is_none_or(|coverage| coverage[i] > 0.0);
-        let is_unknown = |i: usize| !plane[i].is_finite() && is_covered(i);
-        let weight = match infinite.filter(|&first| (first..plane.len()).any(is_unknown)) {
-            Some(_) => {
-                all.weights.push((0..plane.len()).map(weight_of).collect());
-                Some(all.weights.len() - 1)
-            }
-            None => coverage.map(|coverage| {
-                *of_coverage.get_or_insert_with(|| {
-                    all.weights.push(Buffer::from(coverage));
-                    all.weights.len() - 1
-                })
-            }),
+        let is_unknown = |l: usize, i: usize| !planes[l][i].is_finite() && whole(l, i) > 0.0;
+        let weight = if infinite.any(|(l, first)| (first..planes[l].len()).any(|i| is_unknown(l, i))) {
+            let weight_of = |l: usize, i: usize| if planes[l][i].is_finite() { whole(l, i) } else { 0.0 };
+            let of_layer = |l: usize| (0..planes[l].len()).map(|i| weight_of(l, i)).collect();
+            all.weights.push((0..planes.len()).map(of_layer).collect());
+            Some(all.weights.len() - 1)
+        } else if seen.is_empty() {
+            None
+        } else {
+            Some(*of_seen.get_or_insert_with(|| {
+                all.weights.push(seen.iter().map(|seen| Buffer::from(&seen[..])).collect());
+                all.weights.len() - 1
+            }))
         };
         let mut given = Vec::new();
         if let Some(weight) = weight {
-            for (i, (v, &weight)) in plane.iter_mut().zip(&*all.weights[weight]).enumerate() {
-                if weight != 1.0 {
-                    given.push((i as u32, *v));
-                    *v = if weight > 0.0 { *v * weight } else { 0.0 };
+            for (planes, weights) in layers.iter_mut().zip(&all.weights[weight]) {
+                for (i, (v, &weight)) in planes[c].iter_mut().zip(&**weights).enumerate() {
+                    if weight != 1.0 {
+                        given.push((i as u32, *v));
+                        *v = if weight > 0.0 { *v * weight } else { 0.0 };
+                    }
                 }
             }
         }
-        all.channels.push(Channel { kind, place, weight: weight.map(|weight| count + weight) });
-        all.given.push(given);
+        all.channels.push(Channel { kind, place, weight: weight.map(|weight| order.len() + weight) });
+        // What is seen of several layers is none of them.
+        all.given.push(if layers.len() == 1 { given } else { Vec::new() });
     }
     Ok(all)
 }

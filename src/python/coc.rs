@@ -58,7 +58,7 @@ pub fn coc<'py>(
 ) -> PyResult<Bound<'py, PyAny>> {
     let kind = read_depth_kind(&DepthArguments { depth_kind, near, far, depth_range }, &lens.core)?;
     let invalid = read_invalid(invalid)?;
-    let planes = read_depth(depth)?;
+    let planes = read_depth(depth, kind)?;
     let size = Size { width: planes.width, height: planes.height, channels: 1 };
     let frame = Frame::plain(size.width, size.height);
     let lens = lens.with_range(in_focus)?;

@@ -2,15 +2,15 @@
 
 use super::errors::choice;
 use super::run::installed;
-use super::samples::{array, in_order, sample_type, view, with_sample_type};
+use super::samples::{SampleType, array, in_order, sample_type, view, with_sample_type};
 use crate::color::Sample;
 use crate::depth::{DepthKind, Invalid, Rays, disparities};
 use crate::memory::Buffer;
 use crate::optics::{Base, Frame, Lens};
 use crate::picture::Size;
-use numpy::PyUntypedArrayMethods;
 use numpy::ndarray::Axis;
-use pyo3::exceptions::PyValueError;
+use numpy::{PyUntypedArray, PyUntypedArrayMethods};
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
 /// The arguments by which a caller describes depth.
@@ -122,15 +122,34 @@ pub struct DepthPlanes {
     pub planes: Vec<Buffer<f32>>,
 }
 
-/// Reads raw depth, without interpreting it.
-pub fn read_depth(depth: &Bound<'_, PyAny>) -> PyResult<DepthPlanes> {
-    read_planes("depth", depth)
+/// Reads raw depth, without interpreting it. Integers have no unit; they are parts of their greatest value, and that is
+/// enough where depth is relative.
+pub fn read_depth(depth: &Bound<'_, PyAny>, kind: DepthKind) -> PyResult<DepthPlanes> {
+    let array = &array("depth", depth)?;
+    let is_relative = matches!(kind, DepthKind::Relative | DepthKind::RelativeBetween { .. });
+    let found = sample_type("depth", array, is_relative).map_err(|error| {
+        match sample_type("depth", array, true) {
+            Ok(_) => PyTypeError::new_err(format!(
+                "{}; whole numbers, which have no unit, are for depth_kind=\"relative\"",
+                error.value(depth.py())
+            )),
+            Err(_) => error,
+        }
+    })?;
+    planes_of("depth", array, found)
 }
 
 /// Reads an argument that has one value a pixel, or a plane of them for each layer.
 pub fn read_planes(name: &str, given: &Bound<'_, PyAny>) -> PyResult<DepthPlanes> {
     let array = &array(name, given)?;
-    let sample_type = sample_type(name, array, false)?;
+    planes_of(name, array, sample_type(name, array, false)?)
+}
+
+fn planes_of(
+    name: &str,
+    array: &Bound<'_, PyUntypedArray>,
+    sample_type: SampleType,
+) -> PyResult<DepthPlanes> {
     let shape = array.shape();
     let (layers, height, width) = match *shape {
         [height, width] => (1, height, width),
@@ -194,7 +213,7 @@ pub fn read_seen_depth(
     lens: &Lens,
 ) -> PyResult<SeenDepth> {
     let kind = read_depth_kind(arguments, lens)?;
-    let planes = read_depth(depth)?;
+    let planes = read_depth(depth, kind)?;
     let (width, height) = (planes.width, planes.height);
     let rays = Frame::plain(width, height).rays(lens);
     let (disparity, _) = installed(|| disparities(&planes.planes[0], width, kind, rays))??;

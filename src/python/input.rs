@@ -38,7 +38,7 @@ impl Input {
     /// Reads and checks both arrays, and refines the depth if that is asked for.
     pub fn read(
         color: &Bound<'_, PyAny>,
-        depth: &Bound<'_, PyAny>,
+        (depth, kind): (&Bound<'_, PyAny>, DepthKind),
         alpha: Option<&str>,
         transfer: Option<&str>,
         invalid: InvalidColor,
@@ -47,7 +47,7 @@ impl Input {
         let array = &array("color", color)?;
         let shape = color_shape(array.shape())?;
         let format = read_format(array, &shape, alpha, transfer)?;
-        let mut planes = read_depth(depth)?;
+        let mut planes = read_depth(depth, kind)?;
         let expected = (shape.layers, shape.size.height, shape.size.width);
         if refining.is_none() && (planes.planes.len(), planes.height, planes.width) != expected {
             return Err(PyValueError::new_err(format!(
@@ -103,10 +103,18 @@ impl Input {
         self.depth.iter().map(|plane| &plane[..]).collect()
     }
 
-    /// The coverage of the first layer, if the colours have one.
-    pub fn coverage(&self) -> Option<&[f32]> {
+    /// How much of each pixel of each layer a mean counts: its coverage, if the colours have one. Where a holdout blocks what
+    /// lies behind it, a mean has to know how much it has seen, if of whole pixels. Empty if all counts alike.
+    pub fn seen(&self) -> Vec<Cow<'_, [f32]>> {
         let lights = self.format.lights(self.size) * self.size.pixels();
-        Some(&self.color[0][lights..]).filter(|coverage| !coverage.is_empty())
+        let coverage = self.color.iter().map(|planes| &planes[lights..]);
+        if lights < self.size.channels * self.size.pixels() {
+            coverage.map(Cow::Borrowed).collect()
+        } else if self.holdout.is_some() {
+            coverage.map(|_| Cow::Owned(vec![1.0; self.size.pixels()])).collect()
+        } else {
+            Vec::new()
+        }
     }
 
     /// The number of layers.

@@ -5,10 +5,10 @@ use super::errors::shown;
 use super::hash::hash_text;
 use super::samples::array;
 use crate::error::value_error;
-use crate::optics::LensMap;
-use numpy::{PyArray1, PyArray4, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray4, PyUntypedArrayMethods};
+use crate::optics::{Fields, LensMap};
+use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
 use std::fmt;
 use std::sync::Arc;
 
@@ -16,13 +16,16 @@ use std::sync::Arc;
 ///
 /// Parameters
 /// ----------
-/// field : array_like
+/// field : array_like, or tuple of two
 ///     Distances of places of the picture from the optical axis in half diagonals, shape (F,), rising: 0 is the middle, 1
-///     a corner. Between them the lens changes linearly, and beyond the first and the last one not at all.
+///     a corner. Between them the lens changes linearly, and beyond the first and the last one not at all. Of a lens that is
+///     not rotationally symmetric, a pair (x, y) of columns and rows of places, shapes (X,) and (Y,), to the right of the
+///     axis and below it.
 /// behind : array_like
 ///     Where rays of a point behind the focus land, shape (F, N, N, 2): for each place, row and column of N x N points of
 ///     the lens, the offset along the picture's rows and down its columns, in radii of the thin lens's circle of confusion.
-///     The places are to the right of the axis; the lens is taken for rotationally symmetric. The points fill the
+///     The places are to the right of the axis; the lens is taken for rotationally symmetric. Of a pair (x, y), the shape is
+///     (Y, X, N, N, 2), and each place has its own map. The points fill the
 ///     square around the round aperture evenly, from -1 to 1 in units of its radius, with the picture's axes. Where
 ///     no light arrives there is NaN; corners outside of the circle do not matter.
 /// in_front : array_like, optional
@@ -58,10 +61,31 @@ pub struct PyLensMap {
 }
 
 /// The fields of a lens map, and what lands behind the focus.
-type Places<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray4<f64>>);
+type Places<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>);
 
-/// Offsets of a lens map.
-type Offsets<'py> = PyReadonlyArray4<'py, f64>;
+/// Places, as a list of numbers or as a pair of such.
+fn read_fields(given: &Bound<'_, PyAny>) -> PyResult<Fields> {
+    let places = |name: &str, shape: &str, given: &Bound<'_, PyAny>| -> PyResult<Vec<f64>> {
+        let places: PyReadonlyArray1<f64> = floats(name, shape, given)?;
+        Ok(places.as_array().to_vec())
+    };
+    match given.cast::<PyTuple>() {
+        Ok(pair) if pair.len() == 2 && pair.iter().all(|axis| axis.extract::<f64>().is_err()) => {
+            let axis = |i: usize, name: &str, shape: &str| places(name, shape, &pair.get_item(i)?);
+            Ok(Fields::Grid([axis(0, "x of field", "(X,)")?, axis(1, "y of field", "(Y,)")?]))
+        }
+        _ => Ok(Fields::Heights(places("field", "(F,)", given)?)),
+    }
+}
+
+/// The shape of offsets at these places, for points along each axis.
+fn shape_of(fields: &Fields, across: usize) -> Vec<usize> {
+    let places = match fields {
+        Fields::Heights(heights) => vec![heights.len()],
+        Fields::Grid([x, y]) => vec![y.len(), x.len()],
+    };
+    [&places[..], &[across, across, 2]].concat()
+}
 
 /// An array of floats with so many dimensions, from anything that is like one.
 fn floats<'py, T: FromPyObjectOwned<'py>>(name: &str, shape: &str, given: &Bound<'py, PyAny>) -> PyResult<T> {
@@ -77,19 +101,23 @@ fn floats<'py, T: FromPyObjectOwned<'py>>(name: &str, shape: &str, given: &Bound
 
 impl fmt::Display for PyLensMap {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (field, across, given) = self.core.parts();
+        let (fields, across, given) = self.core.parts();
+        let field = match fields {
+            Fields::Heights(heights) => format!("{heights:?}"),
+            Fields::Grid([x, y]) => format!("({x:?}, {y:?})"),
+        };
         let bits: Vec<String> = given.iter().map(|v| format!("{:x}", (v + 0.0).to_bits())).collect();
         let print = hash_text(&bits.join(","));
-        write!(f, "LensMap({field:?}, <{across} x {across}, {print:016x}>)")
+        write!(f, "LensMap({field}, <{across} x {across}, {print:016x}>)")
     }
 }
 
 impl PyLensMap {
     /// Two of the six numbers of each node, as an array.
-    fn part<'py>(&self, py: Python<'py>, first: usize) -> PyResult<Bound<'py, PyArray4<f64>>> {
-        let (field, across, given) = self.core.parts();
+    fn part<'py>(&self, py: Python<'py>, first: usize) -> PyResult<Bound<'py, PyAny>> {
+        let (fields, across, given) = self.core.parts();
         let values = given.chunks_exact(6).flat_map(|node| node[first..first + 2].to_vec());
-        PyArray1::from_iter(py, values).reshape([field.len(), across, across, 2])
+        Ok(PyArray1::from_iter(py, values).reshape(shape_of(fields, across))?.into_any())
     }
 }
 
@@ -103,29 +131,33 @@ impl PyLensMap {
         in_front: Option<&Bound<'_, PyAny>>,
         focused: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<PyLensMap> {
-        let heights: PyReadonlyArray1<f64> = floats("field", "(F,)", field)?;
-        let heights = heights.as_array().to_vec();
-        let of = |name: &str, given: &Bound<'_, PyAny>| -> PyResult<Vec<f64>> {
-            let offsets: Offsets = floats(name, "(F, N, N, 2)", given)?;
-            let shape = offsets.shape();
-            let across = shape[1];
-            if shape != [heights.len(), across, across, 2] || !(2..=1025).contains(&across) {
+        let fields = read_fields(field)?;
+        let (shape, places) = match &fields {
+            Fields::Heights(heights) => ("(F, N, N, 2)", format!("{} places", heights.len())),
+            Fields::Grid([x, y]) => ("(Y, X, N, N, 2)", format!("{} x {} places", y.len(), x.len())),
+        };
+        let of = |name: &str, given: &Bound<'_, PyAny>| -> PyResult<(usize, Vec<f64>)> {
+            let offsets: PyReadonlyArrayDyn<f64> = floats(name, shape, given)?;
+            let own = offsets.shape();
+            let across = own.get(own.len().saturating_sub(2)).copied().unwrap_or(0);
+            if own.len() != shape_of(&fields, across).len() {
+                return Err(value_error!("{name} must be numbers of shape {shape}; got {own:?}").into());
+            }
+            if own != shape_of(&fields, across) || !(2..=1025).contains(&across) {
                 return Err(value_error!(
-                    "{name} must have shape (F, N, N, 2) with {} places as field and N from 2 to 1025; got {shape:?}",
-                    heights.len()
+                    "{name} must have shape {shape} with {places} as field and N from 2 to 1025; got {own:?}"
                 )
                 .into());
             }
-            Ok(offsets.as_array().iter().copied().collect())
+            Ok((across, offsets.as_array().iter().copied().collect()))
         };
-        let far = of("behind", behind)?;
-        let across = ((far.len() / 2 / heights.len().max(1)) as f64).sqrt().round() as usize;
+        let (across, far) = of("behind", behind)?;
         let other = |name: &str, given: Option<&Bound<'_, PyAny>>, default: &dyn Fn() -> Vec<f64>| {
-            let offsets = given.map_or_else(|| Ok(default()), |given| of(name, given))?;
-            if offsets.len() != far.len() {
+            let (own, offsets) = given.map_or_else(|| Ok((across, default())), |given| of(name, given))?;
+            if own != across {
                 return Err(PyErr::from(value_error!(
-                    "{name} must have the shape of behind, ({}, {across}, {across}, 2)",
-                    heights.len()
+                    "{name} must have the shape of behind, {:?}",
+                    shape_of(&fields, across)
                 )));
             }
             Ok(offsets)
@@ -134,17 +166,18 @@ impl PyLensMap {
         let sharp = other("focused", focused, &|| vec![0.0; far.len()])?;
         let nodes = sharp.chunks_exact(2).zip(near.chunks_exact(2)).zip(far.chunks_exact(2));
         let given = nodes.flat_map(|((a, b), c)| [a, b, c].concat()).collect();
-        Ok(PyLensMap { core: Arc::new(LensMap::new(heights, across, given)?) })
+        Ok(PyLensMap { core: Arc::new(LensMap::new(fields, across, given)?) })
     }
 
     /// A lens of pictures of blurred points, such as measurements give.
     ///
     /// Parameters
     /// ----------
-    /// field : array_like
-    ///     Distances from the axis in half diagonals, shape (F,), rising.
+    /// field : array_like, or tuple of two
+    ///     Distances from the axis in half diagonals, shape (F,), rising; or columns and rows (x, y), as for `LensMap`.
     /// behind : array_like
-    ///     Pictures of a point behind the focus at places to the right of the axis, shape (F, H, W), not negative. Each
+    ///     Pictures of a point behind the focus at places to the right of the axis, shape (F, H, W), not negative; of a pair
+    ///     (x, y), at each of its places, shape (Y, X, H, W). Each
     ///     is the square around the circle of confusion of the thin lens, centred on the ray through the middle of the
     ///     lens; only the ratios of its values matter.
     /// in_front : array_like, optional
@@ -228,27 +261,32 @@ impl PyLensMap {
         Ok(())
     }
 
-    /// Distances from the axis in half diagonals, float64, shape (F,).
+    /// Distances from the axis in half diagonals, float64, shape (F,); or a pair (x, y), shapes (X,) and (Y,).
     #[getter]
-    fn field<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, self.core.parts().0)
+    fn field<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        Ok(match self.core.parts().0 {
+            Fields::Heights(heights) => PyArray1::from_slice(py, heights).into_any(),
+            Fields::Grid(grid) => {
+                PyTuple::new(py, grid.iter().map(|axis| PyArray1::from_slice(py, axis)))?.into_any()
+            }
+        })
     }
 
     /// Offsets behind the focus, as they were given.
     #[getter]
-    fn behind<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray4<f64>>> {
+    fn behind<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.part(py, 4)
     }
 
     /// Offsets in front of the focus, as they were given.
     #[getter]
-    fn in_front<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray4<f64>>> {
+    fn in_front<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.part(py, 2)
     }
 
     /// Offsets in focus, as they were given.
     #[getter]
-    fn focused<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray4<f64>>> {
+    fn focused<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.part(py, 0)
     }
 
@@ -264,6 +302,6 @@ impl PyLensMap {
         let words = PyDict::new(py);
         words.set_item("in_front", self.in_front(py)?)?;
         words.set_item("focused", self.focused(py)?)?;
-        Ok(((self.field(py), self.behind(py)?), words))
+        Ok(((self.field(py)?, self.behind(py)?), words))
     }
 }

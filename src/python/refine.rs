@@ -94,7 +94,7 @@ pub fn refine_depth<'py>(
     let size = shape.size;
     let depth = Refining { kind, invalid, threads }.refined(
         py,
-        &read_depth(depth)?,
+        &read_depth(depth, kind)?,
         &planes[..size.pixels() * format.lights(size)],
         size,
     )?;

@@ -18,18 +18,19 @@ use std::time::Instant;
 ///     front to back. float16, float32 or float64 in linear light, or uint8 or uint16 with `transfer`.
 /// depth : ndarray
 ///     What each pixel sees, shape (H, W), or (L, H, W) for layers. float16, float32 or float64; metres unless
-///     `depth_kind` says otherwise. Infinity is background.
+///     `depth_kind` says otherwise. Infinity is background. With ``depth_kind="relative"`` also uint8 or uint16, as parts of
+///     their greatest value.
 /// lens : Lens
 ///     The lens.
 /// holdout : tuple of ndarray, optional
 ///     What blocks the light of what is behind it and is not seen itself: its alpha, 0 to 1, and its depth, both as floats
 ///     of shape (H, W), or (L, H, W) in any order. It goes through the same lens as the picture: out of focus it blocks
 ///     softly, by visibility for every lens point. What is blocked is missing in the picture's alpha, if it has one. Where a
-///     holdout is as far away as a surface, it is in front. For ``method="lens"``, without `guide` and `kinds`.
+///     holdout is as far away as a surface, it is in front. For ``method="lens"``.
 /// guide : ndarray, optional
-///     The picture that decides, shape (H, W) or (H, W, C) with 1 to 4 channels: what `color` is without it. `color` then
-///     holds any number of channels of any meaning, as floats, each of which goes through the lens alone, by the same
-///     weights: visibility, edges, hidden surfaces, coverage and highlights are found from the guide. `alpha`, `transfer` and
+///     The picture that decides, shape (H, W) or (H, W, C) with 1 to 4 channels, or (L, H, W, 4) for layers: what `color` is
+///     without it. `color` then holds any number of channels of any meaning, as floats, of shape (H, W, N), or (L, H, W, N)
+///     with values in each layer. Each channel goes through the lens alone, by the same weights: visibility, edges, hidden surfaces, coverage and highlights are found from the guide. `alpha`, `transfer` and
 ///     `invalid_color` are about the guide. For ``method="lens"`` on the CPU, which ``device="auto"`` then stands for.
 /// kinds : str or sequence of str, optional
 ///     What the channels are, one word for all or one for each: ``"light"`` (default), ``"matte"`` (coverage and masks: as
@@ -57,7 +58,7 @@ use std::time::Instant;
 /// depth_range : tuple of float, optional
 ///     With ``depth_kind="relative"``, the disparities that become 0 (far) and 1 (near), in place of the percentiles of
 ///     this picture: one range for all pictures of a sequence keeps what does not move as blurred as it is. Where larger
-///     is farther, the first is the larger.
+///     is farther, the first is the larger. Of integers, in parts of their greatest value.
 /// invalid : {"raise", "far"}, optional
 ///     What to do with invalid depth (NaN, negative or zero): raise an error, or take it for the background.
 /// invalid_color : {"raise", "fill"}, optional
@@ -93,7 +94,7 @@ use std::time::Instant;
 /// Returns
 /// -------
 /// ndarray
-///     The picture, in the dtype and format of `color`; (H, W, 4) for layers.
+///     The picture, in the dtype and format of `color`; (H, W, 4) for layers, or (H, W, N) for channels in layers.
 ///
 /// Raises
 /// ------

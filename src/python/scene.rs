@@ -210,14 +210,10 @@ impl PyScene {
         let invalid = read_invalid(invalid)?;
         let refining = refine.then_some(Refining { kind, invalid, threads: None });
         let invalid_color = read_invalid_color(invalid_color)?;
-        let read =
-            |color: &Bound<'py, PyAny>| Input::read(color, depth, alpha, transfer, invalid_color, refining);
+        let read = |color: &Bound<'py, PyAny>| {
+            Input::read(color, (depth, kind), alpha, transfer, invalid_color, refining)
+        };
         let mut input = channels.picture(color, read)?;
-        if holdout.is_some() && channels.any() {
-            return Err(PyValueError::new_err(
-                "holdout cannot be used with guide or kinds: channels are rendered without holdouts",
-            ));
-        }
         input.holdout = holdout.map(|given| Holdout::read(given, input.size)).transpose()?;
         let channels = channels.read(color, &input)?;
         let grid = OutputGrid::new(input.size, overscan, supersample)?;

@@ -182,7 +182,7 @@ pub fn layers_from_views<'py>(
         if let Some(filled) = filled {
             filled.warn(py, size)?;
         }
-        let depth = read_depth(depth).map_err(named)?;
+        let depth = read_depth(depth, kind).map_err(named)?;
         if (depth.planes.len(), depth.height, depth.width) != (1, size.height, size.width) {
             return Err(PyValueError::new_err(format!(
                 "depths must have the size of colors, {} x {}; depths[{i}] has {} x {}",

@@ -4,7 +4,8 @@
 use super::colors::{CellColor, Colors};
 use super::front_layer::FrontLayer;
 use super::inpaint::Hidden;
-use super::matting::{MixedPixel, pure_pixels, surfaces};
+use super::layer::SceneLayer;
+use super::matting::{MixedPixel, pure_pixels, two_surfaces};
 use super::recipe::PureSource;
 use crate::picture::ChannelGroup;
 use rayon::prelude::*;
@@ -17,11 +18,12 @@ pub fn of_mixed(frame: &FrontLayer, mixed: &[MixedPixel], groups: &[ChannelGroup
     }
     let of_pixel = |&m: &MixedPixel| {
         let ends = pure_ends(frame, &m);
-        groups.iter().map(move |group| {
-            let pure = ends.each_ref().map(|pixels| {
+        groups.iter().enumerate().map(move |(g, group)| {
+            let pure = ends.each_ref().map(|sources| {
                 let mut sum = [0.0; 4];
-                for &(q, weight) in pixels {
-                    sum.iter_mut().zip(group.at(q)).for_each(|(sum, v)| *sum += weight * v);
+                for Share { pixel, hidden, weight } in sources {
+                    let values = hidden.map_or_else(|| group.at(*pixel), |layer| layer.carried[g].at(*pixel));
+                    sum.iter_mut().zip(values).for_each(|(sum, v)| *sum += weight * v);
                 }
                 sum
             });
@@ -31,19 +33,34 @@ pub fn of_mixed(frame: &FrontLayer, mixed: &[MixedPixel], groups: &[ChannelGroup
     mixed.par_iter().flat_map_iter(of_pixel).collect()
 }
 
-/// The pixels, with their weights, whose mean is the pure value of each surface of a mixed pixel.
-pub fn pure_ends(frame: &FrontLayer, m: &MixedPixel) -> [Vec<(usize, f32)>; 2] {
+/// What a pure value is made of: the value of a pixel, or of the cell of a layer that is hidden there.
+#[derive(Clone, Copy)]
+pub struct Share<'a> {
+    pub pixel: usize,
+    pub hidden: Option<&'a SceneLayer>,
+    pub weight: f32,
+}
+
+/// What the pure value of each surface of a mixed pixel is the mean of.
+pub fn pure_ends<'a>(frame: &FrontLayer<'a>, m: &MixedPixel) -> [Vec<Share<'a>>; 2] {
     let (x, y) = (m.index % frame.size.width, m.index / frame.size.width);
-    let (s_front, s_back) = surfaces(frame, x, y);
-    [(m.recipe.front, s_front), (m.recipe.back, s_back)].map(|(source, s)| {
-        let mut pixels = Vec::new();
-        match source {
-            PureSource::Around => pure_pixels(frame, (x, y), s, |q, _, weight| pixels.push((q, weight))),
-            PureSource::Pixel(q) => pixels.push((q as usize, 1.0)),
+    let [front, back] = two_surfaces(frame, x, y);
+    [(m.recipe.front, front), (m.recipe.back, back)].map(|(source, surface)| {
+        let mut shares = Vec::new();
+        match (surface.known, source) {
+            (Some(known), _) => {
+                shares.push(Share { pixel: m.index, hidden: Some(known.layer), weight: 1.0 });
+            }
+            (None, PureSource::Around) => pure_pixels(frame, (x, y), surface.s, |pixel, hidden, weight| {
+                shares.push(Share { pixel, hidden, weight });
+            }),
+            (None, PureSource::Pixel(q)) => {
+                shares.push(Share { pixel: q as usize, hidden: None, weight: 1.0 });
+            }
         }
-        let all: f32 = pixels.iter().map(|(_, weight)| weight).sum();
-        pixels.iter_mut().for_each(|(_, weight)| *weight /= all);
-        pixels
+        let all: f32 = shares.iter().map(|share| share.weight).sum();
+        shares.iter_mut().for_each(|share| share.weight /= all);
+        shares
     })
 }
 
@@ -61,17 +78,19 @@ pub fn in_front(given: Vec<Colors>, mixed: &[MixedPixel], carried: &[[[f32; 4]; 
     given.into_iter().enumerate().map(of_group).collect()
 }
 
-/// The values, in group number `g` of the carried channels, of the surfaces behind mixed pixels and of the hidden ones.
+/// The values, in each group of the carried channels, of the surfaces behind mixed pixels and of the hidden ones.
 pub fn behind(
-    group: &ChannelGroup,
-    g: usize,
+    groups: &[ChannelGroup],
     mixed: &[MixedPixel],
     carried: &[[[f32; 4]; 2]],
     hidden: &[Hidden],
-) -> Colors {
-    let groups = carried.len() / mixed.len();
-    let both = mixed.iter().zip(carried.iter().skip(g).step_by(groups)).filter(|(m, _)| m.coverage > 0.0);
-    let both = both.map(|(m, [_, back])| CellColor { index: m.index, color: *back });
-    let hidden = hidden.iter().map(|h| CellColor { index: h.index, color: h.carried[g] });
-    Colors::of_cells(group.size, both.chain(hidden).collect())
+) -> Vec<Colors> {
+    let of_group = |(g, group): (usize, &ChannelGroup)| {
+        let values = mixed.iter().zip(carried.iter().skip(g).step_by(groups.len()));
+        let both = values.filter(|(m, _)| m.coverage > 0.0);
+        let both = both.map(|(m, [_, back])| CellColor { index: m.index, color: *back });
+        let hidden = hidden.iter().map(|h| CellColor { index: h.index, color: h.carried[g] });
+        Colors::of_cells(group.size, both.chain(hidden).collect())
+    };
+    groups.iter().enumerate().map(of_group).collect()
 }

@@ -42,7 +42,7 @@ impl<'a> FrontLayer<'a> {
     }
 
     /// What is known to be behind the surface that is seen at a pixel.
-    pub fn known_behind(&self, x: usize, y: usize) -> Option<Surface> {
+    pub fn known_behind(&self, x: usize, y: usize) -> Option<Surface<'a>> {
         let index = y * self.size.width + x;
         let layer = self.behind.iter().find(|layer| layer.s[index] < self.s[index] - CONNECTED_PX)?;
         let (s, color) = (layer.s[index], layer.colors.at(index));
@@ -60,7 +60,8 @@ impl<'a> FrontLayer<'a> {
             let beside = [(1, 0), (0, 1), (-1, 0), (0, -1)].into_iter().filter_map(|(dx, dy)| at(dx, dy));
             off = beside.map(|beside| self.norm2(sub(color, beside))).collect();
         }
-        Some(Surface { s, pure: Some((color, off.iter().sum::<f32>() / off.len().max(1) as f32)) })
+        let variance = off.iter().sum::<f32>() / off.len().max(1) as f32;
+        Some(Surface { s, known: Some(Known { layer, color, variance }) })
     }
 
     /// The median of the light of all pixels, as the length of their colours.
@@ -84,11 +85,19 @@ impl<'a> FrontLayer<'a> {
     }
 }
 
-/// A surface at a pixel: its shift, its pure colour and the variance of that, if it is known.
+/// A surface at a pixel: its shift, and what is known of it if it is hidden there.
 #[derive(Clone, Copy)]
-pub struct Surface {
+pub struct Surface<'a> {
     pub s: f32,
-    pub pure: Option<([f32; 4], f32)>,
+    pub known: Option<Known<'a>>,
+}
+
+/// The layer that has a hidden surface, its pure colour and the variance of that.
+#[derive(Clone, Copy)]
+pub struct Known<'a> {
+    pub layer: &'a SceneLayer,
+    pub color: [f32; 4],
+    pub variance: f32,
 }
 
 /// The difference of two colours.

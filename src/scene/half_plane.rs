@@ -1,5 +1,8 @@
 //! Coverage of a pixel by a straight edge, or by something that light passes through.
 
+use crate::picture::Size;
+use rayon::prelude::*;
+
 /// A partly covered pixel as a half-plane. The covered part of the pixel satisfies `normal . f <= cut`, where `f` is
 /// measured from the pixel's centre and lies within half a pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -77,6 +80,24 @@ impl HalfPlane {
         };
         HalfPlane::with_area(normal, around[1][1])
     }
+}
+
+/// The half-planes of the pixels of a layer that its coverage covers partly, in the order of rows.
+pub fn of_layer(size: Size, coverage: &[f32]) -> Vec<(usize, HalfPlane)> {
+    (0..size.pixels())
+        .into_par_iter()
+        .filter(|&i| coverage[i] > 0.0 && coverage[i] < 1.0)
+        .map(|index| {
+            let (x, y) = (index % size.width, index / size.width);
+            let clamped = |v: usize, d: usize, n: usize| (v + d).saturating_sub(1).min(n - 1);
+            let around = std::array::from_fn(|j| {
+                std::array::from_fn(|i| {
+                    coverage[clamped(y, j, size.height) * size.width + clamped(x, i, size.width)]
+                })
+            });
+            (index, HalfPlane::of_layer(around, index))
+        })
+        .collect()
 }
 
 #[cfg(test)]

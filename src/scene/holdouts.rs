@@ -7,7 +7,7 @@ use super::colors::Colors;
 use super::half_plane::HalfPlane;
 use super::layer::{Role, SceneLayer};
 use crate::memory::Buffer;
-use crate::picture::{Picture, Size, range};
+use crate::picture::{ChannelGroup, Picture, Size, range};
 use rayon::prelude::*;
 use std::iter;
 use std::sync::Arc;
@@ -32,7 +32,13 @@ struct Between {
 /// What has nothing behind it stops nothing and is left out: what is behind the whole picture; and, if the picture is
 /// `opaque`, what is behind the last surface of its pixel, where a ray that slips through between the picture's cells is to
 /// meet nothing rather than darkness.
-pub fn between(size: Size, layers: Vec<SceneLayer>, opaque: bool, holdouts: &[Cells]) -> Vec<SceneLayer> {
+pub fn between(
+    picture: &Picture,
+    layers: Vec<SceneLayer>,
+    opaque: bool,
+    holdouts: &[Cells],
+) -> Vec<SceneLayer> {
+    let size = picture.size;
     if holdouts.is_empty() {
         return layers;
     }
@@ -67,7 +73,7 @@ pub fn between(size: Size, layers: Vec<SceneLayer>, opaque: bool, holdouts: &[Ce
         role: Role::Holdout,
         s: Arc::new(s),
         colors: Colors::of_cells(size, Vec::new()),
-        carried: Vec::new(),
+        carried: picture.carried.iter().map(|group| Colors::of_cells(group.size, Vec::new())).collect(),
         partial: Arc::new(partial),
         connectivity: Arc::default(),
     };
@@ -79,20 +85,51 @@ pub fn between(size: Size, layers: Vec<SceneLayer>, opaque: bool, holdouts: &[Ce
     placed.collect()
 }
 
-/// What the pinhole sees of a picture whose `layers` have holdouts between them, in planes; `None` if they have none.
-///
-/// Pixels without a holdout are those of the picture, bit for bit.
-pub fn seen(picture: &Picture, layers: &[SceneLayer]) -> Option<Buffer<f32>> {
-    let holdouts = layers.iter().filter(|layer| layer.role == Role::Holdout).collect::<Vec<_>>();
-    if holdouts.is_empty() {
+/// What the pinhole sees of a picture behind its holdouts, in planes.
+pub struct Held {
+    /// Of the picture itself.
+    pub own: Arc<Buffer<f32>>,
+    /// Of each group of channels that it carries.
+    pub carried: Vec<Buffer<f32>>,
+}
+
+impl Held {
+    /// Of a picture that carries nothing.
+    pub fn of_picture(own: Buffer<f32>) -> Held {
+        Held { own: Arc::new(own), carried: Vec::new() }
+    }
+}
+
+/// What the pinhole sees of a picture whose `layers` have holdouts between them; `None` if they have none.
+pub fn seen(picture: &Picture, layers: &[SceneLayer]) -> Option<Held> {
+    if layers.iter().all(|layer| layer.role == Role::Surface) {
         return None;
     }
-    let (n, channels) = (picture.size.pixels(), picture.size.channels);
+    let coverage = picture.coverage();
+    let own: Vec<&[f32]> = picture.layers.iter().map(|layer| &layer.color[..]).collect();
+    let own = seen_of(picture.size, (&own, &coverage), layers, |layer, i| layer.colors.at(i));
+    let of_group = |(g, group): (usize, &ChannelGroup)| {
+        let given: Vec<&[f32]> = group.layers.iter().map(|planes| &planes[..]).collect();
+        seen_of(group.size, (&given, &coverage), layers, |layer, i| layer.carried[g].at(i))
+    };
+    Some(Held { own: Arc::new(own), carried: picture.carried.iter().enumerate().map(of_group).collect() })
+}
+
+/// The same of some channels, which are `given` as planes of each layer with its coverage and have the values `at` in cells.
+///
+/// Pixels without a holdout are those of the picture, bit for bit.
+fn seen_of(
+    size: Size,
+    (given, coverage): (&[&[f32]], &[&[f32]]),
+    layers: &[SceneLayer],
+    at: impl Fn(&SceneLayer, usize) -> [f32; 4] + Sync,
+) -> Buffer<f32> {
+    let n = size.pixels();
     let as_given = |i: usize, c: usize| {
-        let (mut sum, mut left) = (picture.layers[0].color[c * n + i], 1.0);
-        for (before, layer) in picture.layers.iter().zip(&picture.layers[1..]) {
-            left *= 1.0 - before.color[(channels - 1) * n + i];
-            sum += left * layer.color[c * n + i];
+        let (mut sum, mut left) = (given[0][c * n + i], 1.0);
+        for (before, planes) in coverage.iter().zip(&given[1..]) {
+            left *= 1.0 - before[i];
+            sum += left * planes[c * n + i];
         }
         sum
     };
@@ -100,17 +137,16 @@ pub fn seen(picture: &Picture, layers: &[SceneLayer]) -> Option<Buffer<f32>> {
         let (mut sum, mut left) = (0.0, 1.0);
         for layer in layers.iter().filter(|layer| !layer.s[i].is_nan()) {
             let coverage = layer.half_plane_at(i).map_or(1.0, |plane| plane.coverage());
-            sum += left * coverage * layer.colors.at(i)[c];
+            sum += left * coverage * at(layer, i)[c];
             left *= 1.0 - coverage;
         }
         sum
     };
-    let mut planes = Buffer::unset(channels * n);
+    let is_held = |i: usize| layers.iter().any(|layer| layer.role == Role::Holdout && !layer.s[i].is_nan());
+    let mut planes = Buffer::unset(size.channels * n);
     for (c, plane) in planes.chunks_mut(n).enumerate() {
-        plane.par_iter_mut().enumerate().for_each(|(i, v)| {
-            let is_held = holdouts.iter().any(|layer| !layer.s[i].is_nan());
-            *v = if is_held { held(i, c) } else { as_given(i, c) };
-        });
+        let pixels = plane.par_iter_mut().enumerate();
+        pixels.for_each(|(i, v)| *v = if is_held(i) { held(i, c) } else { as_given(i, c) });
     }
-    Some(planes)
+    planes
 }

@@ -1,8 +1,9 @@
 //! One layer of a [layered scene](super::layered).
 
-use super::colors::Colors;
+use super::colors::{CellColor, Colors};
 use super::half_plane::HalfPlane;
 use crate::memory::Buffer;
+use crate::picture::Size;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -32,7 +33,36 @@ pub struct SceneLayer {
     pub connectivity: Arc<Vec<u8>>,
 }
 
+/// The layers of a picture alone.
+pub struct Surfaces {
+    pub layers: Vec<SceneLayer>,
+    /// See [`LayeredScene::opaque`](super::layered::LayeredScene::opaque).
+    pub opaque: bool,
+}
+
 impl SceneLayer {
+    /// The layer that has only these cells: the pixel, the shift and the colour of each. It carries `carried`.
+    pub fn of_cells(
+        size: Size,
+        cells: impl Iterator<Item = (usize, f32, [f32; 4])>,
+        carried: Vec<Colors>,
+    ) -> SceneLayer {
+        let mut shifts = Buffer::full(size.pixels(), f32::NAN);
+        let colors = cells.map(|(index, s, color)| {
+            shifts[index] = s;
+            CellColor { index, color }
+        });
+        let colors = Colors::of_cells(size, colors.collect());
+        SceneLayer {
+            role: Role::Surface,
+            s: Arc::new(shifts),
+            colors,
+            carried,
+            partial: Arc::default(),
+            connectivity: Arc::default(),
+        }
+    }
+
     /// Whether some cell of a range of pixels covers its pixel only partly.
     pub fn covers_partly_any(&self, pixels: Range<usize>) -> bool {
         let next = self.partial.partition_point(|(partial, _)| *partial < pixels.start);

@@ -68,11 +68,11 @@ impl Pure {
 
 /// Visits what shows nothing but the surface at shift `s_surface` around a pixel, with its weight: pixels away from every edge,
 /// and cells that are known to be hidden, of their layer; nearest rings first, weighted by `1 / r^2`.
-pub(super) fn pure_pixels(
-    frame: &FrontLayer,
+pub(super) fn pure_pixels<'a>(
+    frame: &FrontLayer<'a>,
     (x, y): (usize, usize),
     s_surface: f32,
-    mut visit: impl FnMut(usize, Option<&SceneLayer>, f32),
+    mut visit: impl FnMut(usize, Option<&'a SceneLayer>, f32),
 ) {
     let is_there = |s: f32| (s - s_surface).abs() < CONNECTED_PX;
     let mut found = false;
@@ -166,7 +166,7 @@ impl Separated {
 
 /// The surfaces that a pixel mixes. Where three surfaces meet, its own one is one of
 /// the two, and the other is the one of which there is more around it.
-fn two_surfaces(frame: &FrontLayer, x: usize, y: usize) -> [Surface; 2] {
+pub(super) fn two_surfaces<'a>(frame: &FrontLayer<'a>, x: usize, y: usize) -> [Surface<'a>; 2] {
     let own = frame.s[y * frame.size.width + x];
     let (mut nearer, mut farther) = (0.0, 0.0);
     let (mut s_front, mut s_back) = (own, own);
@@ -177,7 +177,7 @@ fn two_surfaces(frame: &FrontLayer, x: usize, y: usize) -> [Surface; 2] {
         farther += nearness(dx, dy) * (-step).max(0.0);
         (s_front, s_back) = (s_front.max(s), s_back.min(s));
     }
-    let at = |s: f32| Surface { s, pure: None };
+    let at = |s: f32| Surface { s, known: None };
     if nearer > farther {
         return [at(s_front), at(own)];
     }
@@ -199,8 +199,10 @@ fn unmix_pixel(frame: &FrontLayer, separated: Separated, x: usize, y: usize) -> 
     }
 
     let strength = edges::strength(frame.s, frame.size.width, frame.size.height, x, y);
-    let [front, back] =
-        [front, back].map(|surface| surface.pure.or_else(|| pure_color(frame, x, y, surface.s)));
+    let [front, back] = [front, back].map(|Surface { s, known }| match known {
+        Some(known) => Some((known.color, known.variance)),
+        None => pure_color(frame, x, y, s),
+    });
     // The variance of a guessed colour is unknown; it is taken to be that of the other colour.
     let guessed = |q: usize, variance: f32| (frame.color_at(q), variance);
     let mut sources = [PureSource::Around; 2];
@@ -269,12 +271,6 @@ fn unmix_pixel(frame: &FrontLayer, separated: Separated, x: usize, y: usize) -> 
 fn around<'a>(frame: &'a FrontLayer, x: usize, y: usize) -> impl Iterator<Item = (i32, i32, f32)> + use<'a> {
     let offsets = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy)));
     offsets.filter_map(move |(dx, dy)| frame.offset(x, y, dx, dy).map(|q| (dx, dy, frame.s[q])))
-}
-
-/// The shifts of the two surfaces that a pixel may mix.
-pub(super) fn surfaces(frame: &FrontLayer, x: usize, y: usize) -> (f32, f32) {
-    let [front, back] = two_surfaces(frame, x, y);
-    (front.s, back.s)
 }
 
 /// How far around a pixel [`spread`] searches, half a block: one lamp on a surface makes others nearby likely.

@@ -1,10 +1,11 @@
 //! A picture and the data that are prepared from it once, for any focus and any device.
 //!
-//! In the order of the work: [`depth_noise`] takes the noise out of the depths, [`edges`] finds depth discontinuities,
-//! [`matting`] separates the two surfaces of edge pixels of the [`front_layer`], [`inpaint`] fills the surfaces that the
-//! foreground hides, [`carried`] takes other channels the same way, [`holdouts`] come between them, and [`layered`] holds
-//! the result. [`depth_spans`] and
-//! [`depth_bounds`] bound the depths that occur, and [`highlights`] finds the bright cells.
+//! In the order of the work: [`depth_noise`] takes the noise out of the depths, which become [`shifts`], and [`edges`] finds
+//! depth discontinuities. Of [`one_layer`], [`matting`] separates the two surfaces of edge pixels of the [`front_layer`]
+//! into [`mixed_cells`], and [`inpaint`] fills the surfaces that the foreground hides. [`given_layers`] have surfaces of
+//! their own, and [`lamps`] are taken apart there. [`carried`] takes other channels the same way, [`holdouts`] come between
+//! them, and [`layered`] holds the result. [`depth_spans`] and [`depth_bounds`] bound the depths that occur, and
+//! [`highlights`] finds the bright cells.
 
 pub(crate) mod carried;
 pub(crate) mod colors;
@@ -14,16 +15,21 @@ mod depth_noise;
 pub(crate) mod depth_spans;
 pub(crate) mod edges;
 pub(crate) mod front_layer;
+mod given_layers;
 pub(crate) mod grid;
 pub(crate) mod half_plane;
 pub(crate) mod highlights;
 mod holdouts;
 mod inpaint;
+mod lamps;
 pub(crate) mod layer;
 pub(crate) mod layered;
 pub(crate) mod matting;
+mod mixed_cells;
+mod one_layer;
 pub(crate) mod origins;
 pub(crate) mod recipe;
+mod shifts;
 
 use crate::cancel::Cancel;
 use crate::carried::Carried;
@@ -115,7 +121,7 @@ impl Scene {
         simd: Simd,
         cancel: &Cancel,
     ) -> Result<Arc<Origins>> {
-        let find = || layered::origins(picture, self.lights, optics.k, simd, cancel);
+        let find = || one_layer::origins(picture, self.lights, optics.k, simd, cancel);
         prepared(&self.origins, picture, optics.k, find)
     }
 }

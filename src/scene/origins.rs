@@ -36,8 +36,9 @@ pub fn of_mixed(frame: &FrontLayer, mixed: &[MixedPixel]) -> Vec<[Origin; 2]> {
     const OWN: [f32; 4] = [1.0, 0.0, 0.0, 0.0];
     const PURE: [[f32; 4]; 2] = [[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
     let of_pixel = |m: &MixedPixel| {
-        let pure = pure_ends(frame, m)
-            .map(|pixels| -> Form { pixels.into_iter().map(|(q, share)| (q as u32, share)).collect() });
+        let pure = pure_ends(frame, m).map(|shares| -> Form {
+            shares.iter().map(|share| (share.pixel as u32, share.weight)).collect()
+        });
         let colors = m.recipe.apply(m.coverage, Weighting::Light, OWN, PURE).map(|[own, front, back, _]| {
             let mut form = vec![(m.index as u32, own)];
             for (pixels, weight) in pure.iter().zip([front, back]).filter(|(_, weight)| *weight != 0.0) {

@@ -83,6 +83,9 @@ class Frame:
         The frame's own camera, as of `Neighbour`.
     neighbours : tuple of Neighbour
         Pictures that see what this one hides; see `dofsim.layers_from_views` and `with_neighbours`.
+    holdout : Path, optional
+        File of a picture with depth and alpha that blocks the light of what is behind it, as of
+        `dofsim.render`.
     slices : int
         Pictures of the focal stack. Their distances are evenly spaced in disparity from the nearest to the
         farthest finite depth of the frame.
@@ -110,10 +113,11 @@ class Frame:
     slices: int = 0
     camera: Mapping[str, Any] | None = None
     neighbours: tuple[Neighbour, ...] = ()
+    holdout: Path | None = None
 
     def __post_init__(self) -> None:
         """Turn paths into paths and refuse what no frame can be."""
-        for name in ("color", "output", "depth"):
+        for name in ("color", "output", "depth", "holdout"):
             if (path := getattr(self, name)) is not None:
                 object.__setattr__(self, name, Path(path))
         object.__setattr__(self, "outputs", tuple(self.outputs))
@@ -130,6 +134,13 @@ class Frame:
             raise ValueError("camera must be given with neighbours")
         if not self.sharp_radius_px > 0:
             raise ValueError(f"sharp_radius_px must be positive; got {self.sharp_radius_px}")
+
+    @property
+    def inputs(self) -> list[Path]:
+        """The files that are read, those of neighbours among them."""
+        pictures: list[Frame | Neighbour] = [self, *self.neighbours]
+        paths = [path for one in pictures for path in (one.color, one.depth)]
+        return [path for path in (*paths, self.holdout) if path is not None]
 
     @property
     def record(self) -> Path:

@@ -21,7 +21,8 @@ _LENS_WORDS = tuple(
         (*_options.THIN_WORDS, *_options.CAMERA_WORDS, *_options.RELATIVE_WORDS, *_options.FOCUS_WORDS)
     )
 )
-_WORDS = ("color", "depth", "output", "focus_at", *_LENS_WORDS)
+_FILES = ("color", "depth", "holdout")
+_WORDS = (*_FILES, "output", "focus_at", *_LENS_WORDS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +39,8 @@ class Row:
         File of the picture.
     depth : Path, optional
         File of the depth.
+    holdout : Path, optional
+        File of the holdout.
     lens : dict
         Words of the lens.
     focus_at : tuple of int or "random", optional
@@ -47,6 +50,7 @@ class Row:
     name: str
     color: Path
     depth: Path | None = None
+    holdout: Path | None = None
     suffix: str | None = None
     lens: dict[str, Any] = field(default_factory=dict)
     focus_at: tuple[int, int] | Literal["random"] | None = None
@@ -59,10 +63,11 @@ def read_manifest(path: StrPath) -> list[Row]:
     ----------
     path : str or path-like
         A ``.csv`` file with a line of titles, or a ``.jsonl`` file with one object a line. Titles and keys
-        are ``color``, and as wanted ``depth``, ``output``, ``focus_at`` (``"X,Y"``, ``"random"``, in JSON
-        also two numbers) and the words of a lens, such as ``focus_distance`` or ``in_focus`` (``"NEAR,FAR"``,
-        likewise). Empty cells and null are not given. Paths are relative to the manifest; ``output`` is
-        relative to the folder of the results, and is the path of the picture if not given. A suffix of
+        are ``color``, and as wanted ``depth``, ``holdout``, ``output``, ``focus_at`` (``"X,Y"``,
+        ``"random"``, in JSON also two numbers) and the words of a lens, such as ``focus_distance`` or
+        ``in_focus`` (``"NEAR,FAR"``, likewise). Empty cells and null are not given. Paths are relative to
+        the manifest; ``output`` is relative to the folder of the results, and is the path of the picture if
+        not given. A suffix of
         `dofsim.io.SUFFIXES` that it has is the format of the result.
 
     Returns
@@ -143,7 +148,7 @@ def _row(folder: Path, words: Any) -> Row:
         raise ValueError(f'a frame has no "{", ".join(alien)}"; it has {", ".join(_WORDS)}')
     if "color" not in given:
         raise ValueError("color is missing")
-    files = {name: folder / given[name] for name in ("color", "depth") if name in given}
+    files = {name: folder / given[name] for name in _FILES if name in given}
     lens = {name: _lens_value(name, given[name]) for name in given if name in _LENS_WORDS}
     name, suffix = _name(given)
     return Row(name=name, suffix=suffix, lens=lens, focus_at=_focus_at(given.get("focus_at")), **files)

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from . import work
-from .frames import Frame, Neighbour, Result
+from .frames import Frame, Result
 from .workers import Processes
 
 S = TypeVar("S")
@@ -175,9 +175,7 @@ def _distinct(frames: Iterable[Frame]) -> Iterator[Frame]:
         outputs = {path.resolve() for path in (frame.record, *frame.files.values())}
         if not written.isdisjoint(outputs):
             raise ValueError(f"{frame.output}: an earlier frame has the same output")
-        pictures: list[Frame | Neighbour] = [frame, *frame.neighbours]
-        files = [path for one in pictures for path in (one.color, one.depth) if path is not None]
-        inputs = {path.resolve(): path for path in files}
+        inputs = {path.resolve(): path for path in frame.inputs}
         # A frame that would overwrite its own input fails alone.
         both = [inputs[path] for path in inputs if path in written]
         if both := both + [read[path] for path in outputs if path in read]:

@@ -42,10 +42,12 @@ def fingerprint(frame: Frame) -> str:
     OSError
         If an input is not there.
     """
-    pictures: list[Frame | Neighbour] = [frame, *frame.neighbours]
-    inputs = [_stamp(path) for one in pictures for path in (one.color, one.depth) if path is not None]
-    words = {name: value for name, value in _parameters(frame).items() if name not in ("color", "depth")}
+    inputs = [_stamp(path) for path in frame.inputs]
+    files = ("color", "depth", "holdout")
+    words = {name: value for name, value in _parameters(frame).items() if name not in files}
     words["neighbours"] = [one.camera for one in frame.neighbours]
+    if frame.holdout is not None:
+        words["holdout"] = frame.depth is not None
     text = json.dumps(_plain([dofsim.__version__, inputs, words]), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 

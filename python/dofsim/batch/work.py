@@ -16,7 +16,7 @@ import dofsim
 from dofsim import _options, io
 from dofsim._dofsim import focusable_pixels
 from dofsim._focus import focused
-from dofsim._frame import Framed, read_framed, squeezed
+from dofsim._frame import Framed, read_framed, read_holdout, squeezed
 from dofsim._report import Report
 from dofsim._save import Alpha, SampleType
 
@@ -28,6 +28,8 @@ T = TypeVar("T")
 
 _DEPTH_WORDS = ("depth_kind", "near", "far", "depth_range")
 _REFINING_WORDS = ("depth_kind", "near", "far", "invalid", "invalid_color", "threads")
+# What is said of the picture alone, in reading.
+_OF_PICTURES = {"layer", "transfer", "same_size"}
 _SCENE_WORDS = ("device", *_DEPTH_WORDS, "invalid", "invalid_color", "overscan", "supersample")
 _PICTURES = Pictures()
 # No frame after it can be written either, so this ends the run.
@@ -45,6 +47,7 @@ class Loaded:
     framed: Framed | None = None
     channels: Mapping[str, Any] = field(default_factory=dict)
     neighbours: tuple[Framed, ...] = ()
+    holdout: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -124,6 +127,9 @@ def _read(frame: Frame, resume: bool) -> Loaded | Result:
     alpha = words.pop("alpha", None)
     grid = {name: frame.options[name] for name in ("overscan", "supersample") if name in frame.options}
     read_words = {**grid, **words}
+    if frame.options.get("depth_kind") == "relative":
+        # Whole numbers need no unit then.
+        read_words.setdefault("depth_scale", 1.0)
     beside: list[Framed] = []
     if frame.neighbours:
         keep = len(frame.neighbours) + 2
@@ -135,6 +141,10 @@ def _read(frame: Frame, resume: bool) -> Loaded | Result:
         framed = read_framed(frame.color, frame.depth, **read_words)
     rgbd = framed.rgbd
     image = rgbd.image
+    holdout = None
+    if frame.holdout is not None:
+        of_holdout = {name: word for name, word in read_words.items() if name not in _OF_PICTURES}
+        holdout = read_holdout(frame.holdout, framed, **of_holdout)
     return Loaded(
         frame=frame,
         fingerprint=mark,
@@ -143,6 +153,7 @@ def _read(frame: Frame, resume: bool) -> Loaded | Result:
         framed=framed,
         channels={"color_channels": rgbd.color_channels, "depth_channel": rgbd.depth_channel},
         neighbours=tuple(beside),
+        holdout=holdout,
     )
 
 
@@ -175,6 +186,13 @@ def render(loaded: Loaded) -> Rendered:
     finer = options.get("supersample", 1)
     scene_words = {name: value for name, value in options.items() if name in _SCENE_WORDS}
     scene_words |= {"overscan": margin, "alpha": alpha, "transfer": "linear"}
+    if loaded.holdout is not None:
+        if others and kind.get("depth_kind", "z") != "z":
+            raise ValueError(
+                "holdout goes with neighbours for depth_kind='z', as layers of several pictures have it; got "
+                f"depth_kind={kind['depth_kind']!r}"
+            )
+        scene_words["holdout"] = loaded.holdout
     scene: dofsim.Scene | None = None
     # Before all else: the focus, the circle of confusion and the pictures are of the refined depth.
     if options.pop("refine", False):
@@ -227,6 +245,7 @@ def render(loaded: Loaded) -> Rendered:
             # Views have a metric scale of their own.
             scale = ("device", "depth_range")
             viewing = {name: value for name, value in scene_words.items() if name not in scale}
+            viewing.pop("holdout", None)
             viewing["threads"] = options.get("threads")
             layers, planes = layered(frame, color, depth, others, lens, **viewing)
             found["layers"] = len(layers)
@@ -270,7 +289,7 @@ def _as_given(picture: NDArray[Any], color: NDArray[Any]) -> NDArray[Any]:
 
 def _write(rendered: Rendered) -> Result:
     frame, framed = rendered.frame, rendered.framed
-    inputs = {path.resolve() for path in (frame.color, frame.depth) if path is not None}
+    inputs = {path.resolve() for path in frame.inputs}
     for path in frame.files.values():
         if path.resolve() in inputs:
             raise ValueError(f"{path}: is one of the inputs, which are not overwritten")

@@ -33,6 +33,8 @@ pub struct Group<'a> {
     pub size: Size,
     /// Planes of each layer, as they were given; behind holdouts those of what the pinhole sees.
     pub planes: Vec<&'a [f32]>,
+    /// The coverage of each of these layers; one layer covers all.
+    pub coverage: Vec<&'a [f32]>,
     /// The colours of each layer without the light of highlights.
     pub dimmed: Vec<Colors>,
     /// The same with the light of highlights that is swept, if some is.
@@ -58,12 +60,14 @@ impl<'a> Group<'a> {
     pub fn of_picture(input: &Input<'a>, highlights: &Highlights) -> Group<'a> {
         let Input { picture, scene, .. } = *input;
         let colors = |changes: &[Vec<CellColor>]| changed(scene.layers.iter().map(|l| &l.colors), changes);
+        let (planes, coverage) = match &scene.held {
+            Some(held) => (vec![&held.own[..]], Vec::new()),
+            None => (picture.layers.iter().map(|layer| &layer.color[..]).collect(), picture.coverage()),
+        };
         Group {
             size: picture.size,
-            planes: match &scene.held {
-                Some(held) => vec![&held[..]],
-                None => picture.layers.iter().map(|layer| &layer.color[..]).collect(),
-            },
+            planes,
+            coverage,
             dimmed: colors(&highlights.dimmed),
             swept: highlights.swept.as_deref().map(colors),
             excess: highlights.all.iter().map(|highlight| highlight.excess).collect(),
@@ -78,10 +82,14 @@ impl<'a> Group<'a> {
         let Input { picture, scene, .. } = *input;
         let group = |(g, group): (usize, &'a ChannelGroup)| {
             let layers = scene.layers.iter().map(|layer| &layer.carried[g]);
-            let planes = vec![&group.planes[..]];
+            let (planes, coverage) = match &scene.held {
+                Some(held) => (vec![&held.carried[g][..]], Vec::new()),
+                None => (group.layers.iter().map(|planes| &planes[..]).collect(), picture.coverage()),
+            };
             let plain = Group {
                 size: group.size,
                 planes,
+                coverage,
                 dimmed: Vec::new(),
                 swept: None,
                 excess: Vec::new(),

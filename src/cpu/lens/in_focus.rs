@@ -1,8 +1,8 @@
 //! Tiles in focus, as the pinhole sees them, with the little blur that they have.
 
+use super::group::Group;
 use super::tile_color::TileColor;
 use crate::mirror::mirrored;
-use crate::picture::Size;
 use crate::plan::lens::in_focus::InFocus;
 use crate::scene::grid::TILE;
 use crate::scene::layer::SceneLayer;
@@ -18,17 +18,17 @@ pub struct Composite {
 }
 
 impl Composite {
-    /// Renders the tile at `origin` of a picture whose colours, `color`, are planes of each layer.
+    /// Renders the channels of a group in the tile at `origin`.
     pub fn tile(
         &mut self,
-        (size, color): (Size, &[&[f32]]),
+        group: &Group,
         layers: &[SceneLayer],
         in_focus: &InFocus,
         origin: (usize, usize),
         out: &mut TileColor,
     ) {
-        self.fill(size, color, origin);
-        let (width, height) = (size.width, size.height);
+        self.fill(group, origin);
+        let (width, height) = (group.size.width, group.size.height);
         for y in 0..TILE.1.min(height - origin.1) {
             let weights = |x: usize| {
                 let pixel = (origin.1 + y) * width + origin.0 + x;
@@ -52,7 +52,8 @@ impl Composite {
     }
 
     /// Composites the layers in the tile at `origin` and around it.
-    fn fill(&mut self, size: Size, color: &[&[f32]], origin: (usize, usize)) {
+    fn fill(&mut self, group: &Group, origin: (usize, usize)) {
+        let size = group.size;
         let n = size.pixels();
         self.planes.resize(size.channels * AROUND.0 * AROUND.1, 0.0);
         let around = |first: usize, i: usize, extent: usize| mirrored((first + i) as i64 - 1, extent).0;
@@ -60,7 +61,7 @@ impl Composite {
         for j in 0..AROUND.1 {
             let start = around(origin.1, j, size.height) * size.width;
             let mut left = [1.0f32; AROUND.0];
-            for (i, planes) in color.iter().enumerate() {
+            for (i, planes) in group.planes.iter().enumerate() {
                 let row = |c: usize| &planes[c * n + start..][..size.width];
                 for c in 0..size.channels {
                     let out = &mut self.planes[(c * AROUND.1 + j) * AROUND.0..][..AROUND.0];
@@ -71,8 +72,8 @@ impl Composite {
                         seen.for_each(|((out, &x), left)| *out += left * row(c)[x]);
                     }
                 }
-                if color.len() > 1 {
-                    let alpha = row(size.channels - 1);
+                if let Some(coverage) = group.coverage.get(i) {
+                    let alpha = &coverage[start..][..size.width];
                     left.iter_mut().zip(&columns).for_each(|(left, &x)| *left *= 1.0 - alpha[x]);
                 }
             }

@@ -20,6 +20,8 @@ mod planes;
 mod segments;
 mod shadows;
 mod sweep;
+mod sweep_rows;
+mod sweep_tiles;
 mod tile_color;
 mod widen;
 
@@ -87,8 +89,7 @@ pub fn render(
             match &tile.work {
                 Work::InFocus => {
                     for (group, color) in groups.iter().zip(&mut *color) {
-                        let planes = (group.size, &group.planes[..]);
-                        composite.tile(planes, &scene.layers, in_focus, tile.origin, color);
+                        composite.tile(group, &scene.layers, in_focus, tile.origin, color);
                     }
                 }
                 Work::Disc => {
@@ -108,8 +109,7 @@ pub fn render(
                     }
                     if *sharp > 0.0 {
                         for ((group, color), exact) in groups.iter().zip(&mut *color).zip(exact) {
-                            let planes = (group.size, &group.planes[..]);
-                            composite.tile(planes, &scene.layers, in_focus, tile.origin, exact);
+                            composite.tile(group, &scene.layers, in_focus, tile.origin, exact);
                             color.mix(exact, *sharp);
                         }
                     }

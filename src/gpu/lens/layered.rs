@@ -85,8 +85,11 @@ impl Cells {
         scene.layers.iter().zip(colors.chunks_mut(n)).for_each(|(layer, out)| interleave(layer, size, out));
         let colors = gpu.upload("the colours of all cells", &colors)?;
         let half_planes = gpu.upload("the half-planes of all cells", &half_planes(&scene.layers, n))?;
-        let held =
-            scene.held.as_ref().map(|held| gpu.upload("the picture behind holdouts", held)).transpose()?;
+        let held = scene
+            .held
+            .as_ref()
+            .map(|held| gpu.upload("the picture behind holdouts", &held.own))
+            .transpose()?;
         let (layers, front) = (scene.layers.len(), scene.front);
         let holdouts = scene.layers.iter().map(|layer| u32::from(layer.role == Role::Holdout)).collect();
         Ok(Cells { size, layers, front, held, codes, shifts, connectivity, colors, half_planes, holdouts })

@@ -6,7 +6,9 @@ use crate::cpu::lens::culling::PART;
 use crate::cpu::lens::frame::Frame;
 use crate::cpu::lens::lanes::FLOATS;
 use crate::cpu::lens::segments::{ROWS, Segments};
-use crate::cpu::lens::sweep::{Hit, Pixels, visit_tile};
+use crate::cpu::lens::sweep::visit_tile;
+use crate::cpu::lens::sweep_rows::Hit;
+use crate::cpu::lens::sweep_tiles::Pixels;
 use crate::cpu::lens::tile_color::TileColor;
 use crate::memory::Buffer;
 use crate::scene::grid::TILE;
@@ -106,7 +108,7 @@ impl Views {
                 #[inline(always)]
                 |pixels, segments, hits| {
                     self.share(cotangent, pixels);
-                    self.note(frame.padded.padding.stride, pixels, segments, hits);
+                    self.note(frame.padded.padding.stride, pixels, segments, &hits.all);
                 },
             );
         }
