@@ -7,6 +7,7 @@
 //! [`depth_bounds`] bound the depths that occur, and [`highlights`] finds the bright cells.
 
 pub(crate) mod carried;
+pub(crate) mod coarser;
 pub(crate) mod colors;
 pub(crate) mod depth_bounds;
 pub(crate) mod depth_codes;

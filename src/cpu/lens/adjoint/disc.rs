@@ -16,7 +16,7 @@ pub fn adjoint(
     cotangent: &TileColor,
     window: &mut Window,
 ) {
-    let s = &frame.input.scene.layers[0].s;
+    let s = &frame.scene.layers[0].s;
     let (across, down) = extent(size, origin);
     match Surface::new(s, size, frame.s_focus, origin) {
         Surface::Level(s) => {

@@ -87,7 +87,7 @@ pub fn adjoint(
 
 /// What the tiles of a band add to pixels and cells, and to highlights.
 fn of_band(frame: &Frame, size: Size, band: &Band, cotangent: &[f32]) -> Result<(Window, Vec<Light>)> {
-    let layers = &frame.input.scene.layers;
+    let layers = &frame.scene.layers;
     let mut window = Window::new(&frame.padded.padding, Kept::All, size.channels, layers.len(), band.rows());
     let (mut lights, mut segments) = (Vec::new(), Segments::default());
     let (mut views, mut around) = (Views::new(size.channels), Around::new(size.channels, layers.len()));

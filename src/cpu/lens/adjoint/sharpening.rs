@@ -19,7 +19,7 @@ struct Flow {
 /// What the cells of each layer contribute, from what they do once sharpened. `drawn` are the colours of the picture in
 /// each layer, which decide how far.
 pub fn adjoint(frame: &Frame, size: Size, drawn: &[Colors], sharpened: Vec<Buffer<f32>>) -> Vec<Buffer<f32>> {
-    let (n, layers) = (size.pixels(), &frame.input.scene.layers);
+    let (n, layers) = (size.pixels(), &frame.scene.layers);
     let guide: Vec<Buffer<f32>> = drawn.iter().map(Colors::to_planes).collect();
     let kappa: Vec<Buffer<f32>> = layers
         .iter()

@@ -91,8 +91,8 @@ impl Sharpened<'_> {
     fn by_shift(&self, index: usize) -> f32 {
         // The table of sharpening is linear between eighths of a pixel.
         const STEP_PX: f32 = 1.0 / 8.0;
-        let Frame { input, footprint, s_focus, .. } = self.frame;
-        let layers = &input.scene.layers;
+        let Frame { scene, footprint, s_focus, .. } = self.frame;
+        let layers = &scene.layers;
         let n = self.size.pixels();
         if (0..self.size.channels).all(|c| self.by_color[c * n + index] == 0.0) {
             return 0.0;
@@ -121,7 +121,7 @@ impl Sharpened<'_> {
 
 /// What the tiles of a band add.
 fn of_band(frame: &Frame, size: Size, band: &Band, cotangent: &[f32]) -> Result<(Window, Vec<Light>)> {
-    let layers = frame.input.scene.layers.len();
+    let layers = frame.scene.layers.len();
     // The last plane of each layer is that of shifts.
     let mut window = Window::new(&frame.padded.padding, Kept::Swept, size.channels + 1, layers, band.rows());
     let (mut segments, mut lights) = (Segments::default(), Vec::new());
