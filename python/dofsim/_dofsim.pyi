@@ -84,6 +84,7 @@ _Vignetting: TypeAlias = Literal["none", "optical", "natural", "full"]
 @type_check_only
 class _LensOptions(TypedDict, total=False):
     views: int | None
+    resolution: Literal["adaptive", "full"] | None
 
 @type_check_only
 class _PoissonOptions(TypedDict, total=False):

@@ -131,8 +131,10 @@ class _Render(torch.autograd.Function):
         options: dict[str, Any],
     ) -> torch.Tensor:
         given = (color, depth, focus_distance, aperture_radius)
+        # As the gradients are.
+        chosen = {**options, "device": "cpu", "resolution": "full"}
         pictures = [
-            np.moveaxis(dofsim.render(pixels, plane, lens, device="cpu", **options), -1, 0)
+            np.moveaxis(dofsim.render(pixels, plane, lens, **chosen), -1, 0)
             for pixels, plane, lens in _each(given, lens_words)
         ]
         return torch.from_numpy(np.stack(pictures)).reshape(color.shape)

@@ -85,7 +85,9 @@ fn read_lens(options: &mut Options) -> PyResult<Method> {
     {
         return Err(value_error!("views must be from 16 to 16384; got {n}").into());
     }
-    Ok(Method::Lens(lens::Settings::new(options.aperture(), views)))
+    let resolution = options.word("resolution", &lens::Resolution::NAMES)?;
+    let resolution = resolution.unwrap_or(lens::Resolution::Adaptive);
+    Ok(Method::Lens(lens::Settings::new(options.aperture(), views, resolution)))
 }
 
 fn read_poisson(options: &mut Options) -> PyResult<Method> {

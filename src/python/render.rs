@@ -117,6 +117,9 @@ use std::time::Instant;
 ///
 /// - ``views``, int: lens points used wherever visibility matters, 16 to 16384. By default 64 to 512, chosen for
 ///   each tile from the largest circle of confusion that reaches it.
+/// - ``resolution``, "adaptive" (default) or "full": whether what is blurred by many pixels is swept in a coarser scene,
+///   of four or eight pixels a cell. That costs less and differs by about what the noise of the views does. GPUs
+///   and gradients sweep everything at full resolution.
 ///
 /// ``"poisson"`` averages over taps scattered over each pixel's own circle of confusion; after the first half of
 /// Riguer, Tatarchuk and Isidoro, "Real-Time Depth of Field Simulation", ShaderX2. It takes apertures of any shape.

@@ -66,6 +66,11 @@ impl Colors {
         Colors { size, planes, listed }
     }
 
+    /// The number of channels.
+    pub fn channels(&self) -> usize {
+        self.size.channels
+    }
+
     /// Whether only listed cells have a colour.
     pub fn is_list(&self) -> bool {
         self.planes.is_none()

@@ -198,6 +198,25 @@ pub struct Found {
     pub left: Vec<f32>,
 }
 
+impl Found {
+    /// What is left in a scene of half the size from which the bright cells have been taken out; `size` is that of this
+    /// one.
+    pub fn coarser(&self, size: Size) -> Found {
+        let [across, down] = [size.width, size.height].map(|n| n.div_ceil(BLOCK));
+        let shown = |b: usize, n: usize| 2 * b..(2 * b + 2).min(n);
+        let greatest = |x: usize, y: usize| {
+            let rows = shown(y, down).map(|y| &self.left[y * across..][shown(x, across)]);
+            rows.flatten().fold(1.0f32, |most, left| most.max(*left))
+        };
+        let rows = 0..down.div_ceil(2);
+        let left = rows.flat_map(|y| (0..across.div_ceil(2)).map(move |x| (x, y)));
+        Found {
+            bright: self.bright.iter().map(|_| Vec::new()).collect(),
+            left: left.map(|(x, y)| greatest(x, y)).collect(),
+        }
+    }
+}
+
 /// Finds the highlights of each layer; `front` is the number of the picture's first.
 pub fn find(size: Size, layers: &[SceneLayer], front: usize, simd: Simd) -> Found {
     let lights = light_channels(size);

@@ -8,6 +8,7 @@
 //! [`highlights`] finds the bright cells.
 
 pub(crate) mod carried;
+pub(crate) mod coarser;
 pub(crate) mod colors;
 pub(crate) mod depth_bounds;
 pub(crate) mod depth_codes;

@@ -125,7 +125,7 @@ impl AberratedLight {
         let radii: BTreeSet<i32> = clusters.iter().map(|cluster| radius(cluster)).collect();
         let cells: BTreeMap<i32, Cells> =
             radii.into_iter().map(|radius| (radius, Cells::new(lens.aperture(), radius))).collect();
-        let size = (frame.input.picture.size.width, frame.input.picture.size.height);
+        let size = (frame.scene.size.width, frame.scene.size.height);
         let planes = |group: &Group| {
             let plane = || vec![0.0; size.0 * size.1];
             Planes { of_channels: (0..group.lights).map(|_| [plane(), plane()]).collect() }

@@ -1,16 +1,20 @@
 //! A frame under one focus, ready for its tiles: what does not depend on the channels that are rendered.
 
+use super::coarse::BESIDE;
+use super::culling::PART;
 use super::disc;
 use super::group::{Group, Input};
 use super::highlights::HighlightPass;
 use super::padded::Padded;
 use super::padded_colors::DrawnGroup;
+use super::parts::Parts;
 use super::segments::{Segments, Start};
 use super::widen;
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::optics::Optics;
 use crate::plan::lens::aberrated::{self, Aberrated};
+use crate::plan::lens::detail::Detail;
 use crate::plan::lens::disc::Surface;
 use crate::plan::lens::footprint::Footprint;
 use crate::plan::lens::highlights::Highlights;
@@ -19,21 +23,55 @@ use crate::plan::lens::kernels::Kernels;
 use crate::plan::lens::lens_samples::LensSample;
 use crate::plan::lens::optical_vignetting::PupilClip;
 use crate::plan::lens::tiles::{self, Tile, Works};
-use crate::plan::lens::{Missed, Plan, Settings};
+use crate::plan::lens::{Missed, Plan, Resolution, Settings};
 use crate::scene::colors::Colors;
 use crate::scene::depth_bounds::DepthBits;
+use crate::scene::layered::LayeredScene;
 use crate::simd::Simd;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// The scenes of several sizes that share the work of a frame, and which of them a frame is of.
+#[derive(Clone)]
+pub struct Scenes {
+    pub detail: Arc<Detail>,
+    /// The pixels of the frame are `2^number` pixels of the picture wide.
+    pub number: usize,
+}
+
+impl Scenes {
+    fn finest(detail: Detail) -> Scenes {
+        Scenes { detail: Arc::new(detail), number: 0 }
+    }
+
+    /// The parts of the tile at `origin` of which this scene has a share.
+    fn parts(&self, (x, y): (usize, usize)) -> Parts {
+        // Between the pixels of a coarser picture, those beside them are asked as well.
+        let margin = if self.number == 0 { 0 } else { BESIDE };
+        Parts::that(|(column, row)| {
+            let (columns, rows) = (x + column..x + column + PART.0, y + row..y + row + PART.1);
+            self.detail.needs(self.number, columns, rows, margin)
+        })
+    }
+}
+
+/// The parts of a tile that are swept in the scene that the tile is of.
+fn parts(tile: &Tile, scenes: Option<&Scenes>) -> Parts {
+    let all = || Parts::that(|_| tile.is_swept());
+    scenes.map_or_else(all, |scenes| scenes.parts(tile.origin))
+}
 
 /// A frame under one focus.
 pub struct Frame<'a> {
-    pub input: &'a Input<'a>,
+    pub scene: &'a LayeredScene,
     pub s_focus: f64,
     pub clip: Option<PupilClip>,
     pub highlights: Highlights,
     pub padded: Padded,
     pub tiles: Vec<Tile>,
+    /// Set if scenes of several sizes share the work.
+    pub scenes: Option<Scenes>,
     pub kernels: Kernels,
     pub footprint: Footprint,
     pub in_focus: InFocus,
@@ -46,20 +84,57 @@ pub struct Frame<'a> {
 
 impl<'a> Frame<'a> {
     pub fn new(
-        input: &'a Input<'a>,
+        input: &Input<'a>,
         optics: &Optics,
         settings: &Settings,
         works: Works,
         simd: Simd,
         cancel: &'a Cancel,
     ) -> Result<Frame<'a>> {
-        let Input { picture, scene, supersample } = *input;
+        let Input { scene, supersample, .. } = *input;
         cancel.check()?;
-        let clip = settings.second_stop.map(|second_stop| PupilClip::new(second_stop, &settings.aperture));
-        let plan = Plan::new(scene, optics, settings, supersample, works, simd);
+        let origins = tiles::origins(scene.size.width, scene.size.height);
+        let plan = Plan::new(scene, optics, settings, supersample, (works, origins), simd);
         cancel.check()?;
         let highlights = Highlights::new(scene, &plan, simd);
         cancel.check()?;
+        // What a lens does differently at every place is not known at another scale.
+        let is_even = settings.second_stop.is_none() && settings.aberrated.is_none();
+        let may_be = works == Works::Coarser && settings.resolution == Resolution::Adaptive;
+        let detail = (may_be && is_even).then(|| Detail::new(&plan, &scene.codes)).flatten();
+        let scenes = detail.filter(|_| scene.coarser(simd).is_some()).map(Scenes::finest);
+        Frame::of_plan(scene, plan, (highlights, scenes), settings, simd, cancel)
+    }
+
+    /// The frame of a coarser scene, as far as these tell that it is needed; `None` if it is not. It has no highlights.
+    pub fn coarser(
+        scene: &'a LayeredScene,
+        scenes: Scenes,
+        optics: &Optics,
+        settings: &Settings,
+        supersample: usize,
+        simd: Simd,
+        cancel: &'a Cancel,
+    ) -> Result<Option<Frame<'a>>> {
+        let mut origins = tiles::origins(scene.size.width, scene.size.height);
+        origins.retain(|origin| scenes.parts(*origin).any());
+        if origins.is_empty() {
+            return Ok(None);
+        }
+        let plan = Plan::new(scene, optics, settings, supersample, (Works::Sweeps, origins), simd);
+        cancel.check()?;
+        Frame::of_plan(scene, plan, (Highlights::default(), Some(scenes)), settings, simd, cancel).map(Some)
+    }
+
+    fn of_plan(
+        scene: &'a LayeredScene,
+        plan: Plan,
+        (highlights, scenes): (Highlights, Option<Scenes>),
+        settings: &Settings,
+        simd: Simd,
+        cancel: &'a Cancel,
+    ) -> Result<Frame<'a>> {
+        let clip = settings.second_stop.map(|second_stop| PupilClip::new(second_stop, &settings.aperture));
         let Plan {
             s_focus,
             reach_px,
@@ -72,23 +147,30 @@ impl<'a> Frame<'a> {
             missed,
             aberrated,
         } = plan;
-        let needed = tiles::needed(&padding, &bounds, &tiles);
+        // What hides a highlight is looked up as well.
+        let is_read = |(i, tile): &(usize, &Tile)| {
+            let is_own = parts(tile, scenes.as_ref()).any();
+            tile.is_swept() && (is_own || highlights.of_tile(*i).next().is_some())
+        };
+        let read = tiles.iter().enumerate().filter(is_read).map(|(_, tile)| tile);
+        let needed = tiles::needed(&padding, &bounds, read);
         let padded = Padded::new(scene, padding, bounds, reach_px, &needed, simd);
         cancel.check()?;
         let discs = tiles.par_iter().filter(|tile| tile.disc_share() > 0.0);
         let discs =
-            discs.map(|tile| Surface::new(&scene.layers[scene.front].s, picture.size, s_focus, tile.origin));
+            discs.map(|tile| Surface::new(&scene.layers[scene.front].s, scene.size, s_focus, tile.origin));
         let surfaces: Vec<Surface> = discs.collect();
         let keys = surfaces.iter().flat_map(Surface::keys).chain(highlights.keys()).collect();
         let level = surfaces.iter().filter_map(Surface::level);
         let kernels = Kernels::new(&settings.aperture, s_focus, keys, level, cancel)?;
         Ok(Frame {
-            input,
+            scene,
             s_focus,
             clip,
             highlights,
             padded,
             tiles,
+            scenes,
             kernels,
             footprint,
             in_focus,
@@ -100,14 +182,19 @@ impl<'a> Frame<'a> {
         })
     }
 
-    /// Whether some tile is swept.
+    /// The parts of a tile that are swept in this scene.
+    pub fn parts(&self, tile: &Tile) -> Parts {
+        parts(tile, self.scenes.as_ref())
+    }
+
+    /// Whether some tile is swept in this scene.
     pub fn is_swept(&self) -> bool {
-        !self.sample_sets.is_empty()
+        self.tiles.iter().any(|tile| self.parts(tile).any())
     }
 
     /// The colours of a group with which cells are drawn, in each layer: widened where lens samples are sparse.
     pub fn widened(&self, group: &Group) -> Vec<Colors> {
-        let of_layers = self.input.scene.layers.iter().zip(group.swept());
+        let of_layers = self.scene.layers.iter().zip(group.swept());
         let widened = of_layers.map(|(layer, colors)| {
             let passes = widen::Widening::new(&self.footprint, layer, group.size, self.s_focus);
             passes.map_or_else(|| colors.clone(), |passes| passes.of(colors, self.simd))
@@ -125,12 +212,12 @@ impl<'a> Frame<'a> {
         };
         let drawn: Vec<DrawnGroup> = groups.iter().map(of_group).collect();
         let Frame { footprint, s_focus, simd, .. } = self;
-        self.padded.set_colors(self.input.scene, &drawn, guide.as_deref(), footprint, *s_focus, *simd);
+        self.padded.set_colors(self.scene, &drawn, guide.as_deref(), footprint, *s_focus, *simd);
     }
 
     /// The frame from which the discs of a group are gathered.
     pub fn gather(&self, group: &Group) -> disc::Gather<'_> {
-        let scene = self.input.scene;
+        let scene = self.scene;
         disc::Gather {
             size: group.size,
             colors: group.dimmed[scene.front].clone(),
@@ -162,6 +249,7 @@ impl<'a> Frame<'a> {
     pub fn trace(&self, segments: &mut Segments, tile: &Tile, samples: usize, occupied: &DepthBits) {
         let Frame { padded, s_focus, clip, .. } = self;
         let start = Start { padded, s_focus: *s_focus, origin: tile.origin, occupied, clip: clip.as_ref() };
+        segments.parts = self.parts(tile);
         let samples = self.samples(samples);
         let (rays, seen) = match &self.aberrated {
             Some(lens) => aberrated::rays(lens, (tile.origin, tile.reach_px), samples).into_iter().unzip(),

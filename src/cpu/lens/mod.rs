@@ -5,6 +5,7 @@
 
 mod aberrated_highlights;
 mod adjoint;
+mod coarse;
 mod culling;
 mod dimming;
 mod disc;
@@ -16,6 +17,8 @@ mod lanes;
 mod padded;
 mod padded_colors;
 mod padded_layer;
+mod painting;
+mod parts;
 mod planes;
 mod segments;
 mod shadows;
@@ -31,7 +34,7 @@ use crate::error::Result;
 use crate::optics::Optics;
 use crate::picture::Size;
 use crate::plan::lens::Settings;
-use crate::plan::lens::tiles::{Work, Works};
+use crate::plan::lens::tiles::Works;
 use crate::rows::{ITEMS_PER_TASK, interleave, interleave_among, with_channels};
 use crate::scene::grid::TILE;
 use crate::simd::Simd;
@@ -39,12 +42,11 @@ pub use adjoint::{adjoint, by_pixel, of_shifts};
 pub use group::Input;
 
 use aberrated_highlights::AberratedLight;
+use coarse::Coarse;
 use frame::Frame;
 use group::Group;
-use in_focus::Composite;
+use painting::{Painting, Scratch};
 use rayon::prelude::*;
-use segments::Segments;
-use tile_color::TileColor;
 
 /// Tiles that a worker takes at a time: more than elsewhere, because it allocates scratch memory each time.
 const TILES_PER_TASK: usize = 4 * ITEMS_PER_TASK;
@@ -58,63 +60,31 @@ pub fn render(
     cancel: &Cancel,
     out: &mut [f32],
 ) -> Result<()> {
-    let Input { picture, scene, .. } = *input;
+    let Input { picture, supersample, .. } = *input;
     let size = picture.size;
-    let mut frame = Frame::new(input, optics, settings, Works::Least, simd, cancel)?;
+    let mut frame = Frame::new(input, optics, settings, Works::Coarser, simd, cancel)?;
     let of_picture = Group::of_picture(input, &frame.highlights);
     let (guide, groups) = match picture.carried.is_empty() {
         true => (None, vec![of_picture]),
         false => (Some(of_picture), Group::carried(input, &frame.highlights)),
     };
+    let coarse = Coarse::new(&frame, (&groups, guide.as_ref()), optics, settings, supersample)?;
     if frame.is_swept() {
         frame.set_colors(&groups, guide.as_ref());
         cancel.check()?;
     }
-    let gathers: Vec<disc::Gather> = groups.iter().map(|group| frame.gather(group)).collect();
+    let painting = Painting::new(&frame, &groups, coarse);
     let pass = frame.highlight_pass();
     let aberrated = AberratedLight::new(&frame, &groups)?;
-    let Frame { padded, tiles, in_focus, missed, .. } = &frame;
 
     let channels: usize = groups.iter().map(|group| group.size.channels).sum();
     let mut slots = split(out, Size { channels, ..size }, TILE);
-    slots.par_iter_mut().zip(tiles).enumerate().with_max_len(TILES_PER_TASK).try_for_each_init(
-        || {
-            let sums = disc::RunningSums::default();
-            let tiles = || groups.iter().map(|group| TileColor::new(group.size.channels)).collect::<Vec<_>>();
-            let scratch = highlights::Scratch::default();
-            (Segments::default(), sums, Composite::default(), scratch, [tiles(), tiles()])
-        },
-        |(segments, sums, composite, discs, [color, exact]), (i, (slot, tile))| {
+    slots.par_iter_mut().zip(&frame.tiles).enumerate().with_max_len(TILES_PER_TASK).try_for_each_init(
+        || (Scratch::new(&groups), highlights::Scratch::default()),
+        |(scratch, discs), (i, (slot, tile))| {
             cancel.check()?;
-            match &tile.work {
-                Work::InFocus => {
-                    for (group, color) in groups.iter().zip(&mut *color) {
-                        composite.tile(group, &scene.layers, in_focus, tile.origin, color);
-                    }
-                }
-                Work::Disc => {
-                    for (gather, color) in gathers.iter().zip(&mut *color) {
-                        gather.tile(tile.origin, sums, color)?;
-                    }
-                }
-                Work::Sweep { samples, occupied, disc, in_focus: sharp } => {
-                    frame.trace(segments, tile, *samples, occupied);
-                    // SAFETY: the segments have just been traced there.
-                    unsafe { sweep::sweep(simd, padded, segments, tile.origin, *missed, color) };
-                    if *disc > 0.0 {
-                        for ((gather, color), exact) in gathers.iter().zip(&mut *color).zip(&mut *exact) {
-                            gather.tile(tile.origin, sums, exact)?;
-                            color.mix(exact, *disc);
-                        }
-                    }
-                    if *sharp > 0.0 {
-                        for ((group, color), exact) in groups.iter().zip(&mut *color).zip(exact) {
-                            composite.tile(group, &scene.layers, in_focus, tile.origin, exact);
-                            color.mix(exact, *sharp);
-                        }
-                    }
-                }
-            }
+            painting.tile(scratch, tile)?;
+            let color = &mut scratch.color;
             pass.draw(i, tile, &groups, discs, color);
             if let Some(light) = &aberrated {
                 light.add_to(tile, color);

@@ -3,6 +3,7 @@
 use super::culling::{PART, PatchBounds, Query};
 use super::lanes::CellRay;
 use super::padded::Padded;
+use super::parts::Parts;
 use crate::plan::lens::lens_samples::LensSample;
 use crate::plan::lens::optical_vignetting::{PupilClip, Seen};
 use crate::plan::lens::ray::Ray;
@@ -50,6 +51,8 @@ pub struct Step {
 /// The segments of all samples over one tile.
 #[derive(Default)]
 pub struct Segments {
+    /// The parts of the tile that are swept.
+    pub parts: Parts,
     pub traced: Vec<Traced>,
     /// The steps of each sample's ray, `None` before its first one. Known only if light passes through something.
     steps: Vec<Option<Step>>,

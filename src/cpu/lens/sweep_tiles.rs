@@ -204,7 +204,7 @@ fn visit_pixels<L: Lanes>(
     origin: (usize, usize),
     mut visit: impl FnMut(&Segments, (usize, usize), usize),
 ) {
-    for (x, part_y) in parts() {
+    for (x, part_y) in segments.parts.origins() {
         let place = (origin.0 + padded.padding.pad + x, origin.1 + padded.padding.pad + part_y);
         segments.cull(&padded.patches, place, (x, part_y));
         let columns = || (x..x + PART.0).step_by(L::CELLS);
@@ -213,10 +213,4 @@ fn visit_pixels<L: Lanes>(
             visit(segments, (x, y), padded.padding.index(origin.0 + x, origin.1 + y));
         }
     }
-}
-
-/// The parts of a tile, by their first column and row.
-fn parts() -> impl Iterator<Item = (usize, usize)> {
-    let rows = (0..TILE.1).step_by(PART.1);
-    rows.flat_map(|y| (0..TILE.0).step_by(PART.0).map(move |x| (x, y)))
 }

@@ -1,6 +1,7 @@
 //! The plan of the flagship for one focus. It is made from depths alone, and both devices carry it out.
 
 pub(crate) mod aberrated;
+pub(crate) mod detail;
 pub(crate) mod disc;
 pub(crate) mod footprint;
 pub(crate) mod highlights;
@@ -29,6 +30,21 @@ use padding::Padding;
 use std::collections::{BTreeMap, BTreeSet};
 use tiles::{Tile, Work, Works};
 
+/// The size of the cells that are swept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Resolution {
+    /// Larger where everything is blurred widely; see [`detail`].
+    Adaptive,
+    /// Those of the picture everywhere.
+    Full,
+}
+
+impl Resolution {
+    /// The names of both.
+    pub const NAMES: [(&'static str, Resolution); 2] =
+        [("adaptive", Resolution::Adaptive), ("full", Resolution::Full)];
+}
+
 /// The choices of the caller.
 #[derive(Debug, Clone)]
 pub struct Settings {
@@ -36,6 +52,8 @@ pub struct Settings {
     pub aperture: Aperture,
     /// Number of lens samples for all tiles; `None` chooses it for each tile.
     pub samples: Option<usize>,
+    /// The size of the cells that are swept.
+    pub resolution: Resolution,
     /// The second stop of the lens, if it clips anything.
     pub second_stop: Option<SecondStop>,
     /// The aberrations of the lens that change where rays land, if it has any.
@@ -44,8 +62,8 @@ pub struct Settings {
 
 impl Settings {
     /// These choices for a thin lens.
-    pub fn new(aperture: Aperture, samples: Option<usize>) -> Settings {
-        Settings { aperture, samples, second_stop: None, aberrated: None }
+    pub fn new(aperture: Aperture, samples: Option<usize>, resolution: Resolution) -> Settings {
+        Settings { aperture, samples, resolution, second_stop: None, aberrated: None }
     }
 
     /// The lens and the opening, adapted to the focus surface, to the second stop and to aberrations.
@@ -55,8 +73,7 @@ impl Settings {
         let (lean, stronger) = imaging.surface.leaning(k)?;
         let aperture = self.aperture.leaning(lean);
         let aberrated = imaging.transverse.as_ref().map(|own| Aberrated::new(own.clone(), &aperture));
-        let settings =
-            Settings { aperture, samples: self.samples, second_stop: imaging.second_stop, aberrated };
+        let settings = Settings { aperture, second_stop: imaging.second_stop, aberrated, ..*self };
         Ok((Optics { k: k * stronger, ..*optics }, settings))
     }
 
@@ -107,14 +124,14 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// The plan for one lens. The output averages `supersample` pixels along each axis, so correspondingly fewer
-    /// samples are enough.
+    /// The plan for one lens, of the tiles with these origins. The output averages `supersample` pixels along each axis,
+    /// so correspondingly fewer samples are enough.
     pub fn new(
         scene: &LayeredScene,
         optics: &Optics,
         settings: &Settings,
         supersample: usize,
-        works: Works,
+        (works, origins): (Works, Vec<(usize, usize)>),
         simd: Simd,
     ) -> Plan {
         let s_focus = optics.k * optics.d_focus;
@@ -144,7 +161,7 @@ impl Plan {
             brightness: brightness.as_deref(),
             works,
         };
-        let tiles = tiles::plan(&inputs, count_samples);
+        let tiles = tiles::plan(&inputs, origins, count_samples);
         let sample_sets = sample_sets(&tiles, &settings.aperture);
         let largest_px = reach_px.hypot(all.spread_px);
         let spacing = |t, n| lens_samples::spacing_px(t, area, n);

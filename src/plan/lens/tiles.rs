@@ -22,6 +22,8 @@ const SWEPT_TILT_PX: f64 = 1.5;
 pub enum Works {
     /// The least that shows the tile as it is.
     Least,
+    /// The same, of which a [coarser scene](super::detail) may do some.
+    Coarser,
     /// The sweep everywhere: how the picture changes with depth is told by what each ray meets.
     Sweeps,
 }
@@ -59,6 +61,11 @@ pub struct Tile {
 }
 
 impl Tile {
+    /// Whether some of the tile is swept.
+    pub fn is_swept(&self) -> bool {
+        matches!(self.work, Work::Sweep { .. })
+    }
+
     /// The share of exact discs in the result.
     pub fn disc_share(&self) -> f32 {
         match self.work {
@@ -79,7 +86,7 @@ impl Tile {
 }
 
 /// The depths, by high byte of their codes, whose discs reach at least `distance` pixels.
-fn reaching(codes: &DepthCodes, s_focus: f64, distance: f64) -> DepthBits {
+pub(super) fn reaching(codes: &DepthCodes, s_focus: f64, distance: f64) -> DepthBits {
     let mut bits = [0u64; 4];
     for bin in 0..256usize {
         let shift = |code: usize| (codes.decode(code as f64) - s_focus).abs();
@@ -123,9 +130,19 @@ fn blocks_around(
     range(origin.1, TILE.1, padding.rows).flat_map(move |by| columns.clone().map(move |bx| (bx, by)))
 }
 
-/// Plans every tile. `count_samples` gives the number of samples for the radius of the largest disc and the brightness of
+/// The origins of all tiles of a frame, in the order of rows.
+pub fn origins(width: usize, height: usize) -> Vec<(usize, usize)> {
+    let rows = (0..height).step_by(TILE.1);
+    rows.flat_map(|y| (0..width).step_by(TILE.0).map(move |x| (x, y))).collect()
+}
+
+/// Plans the tiles with these origins. `count_samples` gives the number of samples for the radius of the largest disc and the brightness of
 /// what reaches the tile.
-pub fn plan(inputs: &Inputs, count_samples: impl Fn(f64, f32) -> usize + Sync) -> Vec<Tile> {
+pub fn plan(
+    inputs: &Inputs,
+    origins: Vec<(usize, usize)>,
+    count_samples: impl Fn(f64, f32) -> usize + Sync,
+) -> Vec<Tile> {
     let Inputs { padding, codes, bounds, s_focus, second_stop, reaches, brightness, works } = *inputs;
     let shift = |code: u16| codes.decode(f64::from(code)) - s_focus;
     let block_reach: Vec<f64> = bounds
@@ -174,23 +191,24 @@ pub fn plan(inputs: &Inputs, count_samples: impl Fn(f64, f32) -> usize + Sync) -
         let samples = count_samples(reach.hypot(aberrations.spread_px), brightest);
         let work = match works {
             Works::Sweeps => Work::Sweep { samples, occupied, disc: 0.0, in_focus: 0.0 },
-            Works::Least if in_focus == 1.0 => Work::InFocus,
-            Works::Least if disc == 1.0 => Work::Disc,
-            Works::Least => Work::Sweep { samples, occupied, disc, in_focus },
+            Works::Least | Works::Coarser if in_focus == 1.0 => Work::InFocus,
+            Works::Least | Works::Coarser if disc == 1.0 => Work::Disc,
+            Works::Least | Works::Coarser => Work::Sweep { samples, occupied, disc, in_focus },
         };
         Tile { origin, reach_px: reach + offset, work }
     };
 
-    let columns = (0..padding.width).step_by(TILE.0);
-    let rows = (0..padding.height).step_by(TILE.1);
-    let origins: Vec<_> = rows.flat_map(|y| columns.clone().map(move |x| (x, y))).collect();
     origins.into_par_iter().with_max_len(ITEMS_PER_TASK).map(plan_tile).collect()
 }
 
-/// For each padded block, whether some sweep may read it.
-pub fn needed(padding: &Padding, bounds: &DepthBounds, tiles: &[Tile]) -> Vec<bool> {
+/// For each padded block, whether the sweep of some of these tiles may read it.
+pub fn needed<'a>(
+    padding: &Padding,
+    bounds: &DepthBounds,
+    swept: impl Iterator<Item = &'a Tile>,
+) -> Vec<bool> {
     let mut needed = vec![false; bounds.across * bounds.down];
-    for tile in tiles.iter().filter(|tile| matches!(tile.work, Work::Sweep { .. })) {
+    for tile in swept {
         for (bx, by) in blocks_around(padding, tile.origin, tile.reach_px.ceil() as usize + 2) {
             needed[by * bounds.across + bx] = true;
         }

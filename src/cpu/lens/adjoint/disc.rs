@@ -15,7 +15,7 @@ pub fn adjoint(frame: &Frame, size: Size, tile: &Tile, cotangent: &TileColor) ->
     // A disc covers a part of the pixels around it, and is between two of which one is larger by a quarter of a pixel.
     let region = Region::new(&frame.padded.padding, origin, tile.reach_px.ceil() as usize + 2);
     let mut window = Window::new(Target::Level, region, size.channels);
-    let s = &frame.input.scene.layers[0].s;
+    let s = &frame.scene.layers[0].s;
     let (across, down) = extent(size, origin);
     match Surface::new(s, size, frame.s_focus, origin) {
         Surface::Level(s) => {

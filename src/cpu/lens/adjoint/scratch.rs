@@ -42,7 +42,7 @@ impl Scratch {
         (number, tile): (usize, &Tile),
         cotangent: &[f32],
     ) -> (Vec<Window>, Vec<Light>) {
-        let (layers, padding) = (&frame.input.scene.layers, &frame.padded.padding);
+        let (layers, padding) = (&frame.scene.layers, &frame.padded.padding);
         read(size, cotangent, tile.origin, &mut self.given);
         let lights = highlights::adjoint(frame, number, tile, &self.given);
         let windows = match &tile.work {

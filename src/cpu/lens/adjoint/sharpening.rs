@@ -24,7 +24,7 @@ pub fn adjoint(
     drawn: Vec<Colors>,
     sharpened: Vec<Buffer<f32>>,
 ) -> Vec<Buffer<f32>> {
-    let (n, layers) = (size.pixels(), &frame.input.scene.layers);
+    let (n, layers) = (size.pixels(), &frame.scene.layers);
     // Each is let go of as its planes are made.
     let guide: Vec<Buffer<f32>> = drawn.into_iter().map(|colors| colors.to_planes()).collect();
     let kappa: Vec<Buffer<f32>> = layers

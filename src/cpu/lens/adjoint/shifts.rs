@@ -93,8 +93,8 @@ impl Sharpened<'_> {
     fn by_shift(&self, index: usize) -> f32 {
         // The table of sharpening is linear between eighths of a pixel.
         const STEP_PX: f32 = 1.0 / 8.0;
-        let Frame { input, footprint, s_focus, .. } = self.frame;
-        let layers = &input.scene.layers;
+        let Frame { scene, footprint, s_focus, .. } = self.frame;
+        let layers = &scene.layers;
         let n = self.size.pixels();
         if (0..self.size.channels).all(|c| self.by_color[c * n + index] == 0.0) {
             return 0.0;
