@@ -57,7 +57,7 @@ pub struct Settings {
     /// The second stop of the lens, if it clips anything.
     pub second_stop: Option<SecondStop>,
     /// The aberrations of the lens that change where rays land, if it has any.
-    pub aberrated: Option<Aberrated>,
+    pub aberrated: Option<Box<Aberrated>>,
 }
 
 impl Settings {
@@ -73,6 +73,7 @@ impl Settings {
         let (lean, stronger) = imaging.surface.leaning(k)?;
         let aperture = self.aperture.leaning(lean);
         let aberrated = imaging.transverse.as_ref().map(|own| Aberrated::new(own.clone(), &aperture));
+        let aberrated = aberrated.map(Box::new);
         let settings = Settings { aperture, second_stop: imaging.second_stop, aberrated, ..*self };
         Ok((Optics { k: k * stronger, ..*optics }, settings))
     }
@@ -141,7 +142,7 @@ impl Plan {
         };
         let area = settings.aperture.relative_area();
         let reach_px = reach_px(scene, s_focus);
-        let aberrated = settings.aberrated.clone();
+        let aberrated = settings.aberrated.as_deref().cloned();
         let reaches = aberrated.as_ref().map(|own| Reaches::new(own, (scene.size.width, scene.size.height)));
         let all = reaches.as_ref().map_or(Bounds::default(), Reaches::all);
         let padding = Padding::new(scene.size.width, scene.size.height, reach_px + all.offset_px);
