@@ -258,15 +258,18 @@ fn half_planes(size: Size, s: &[f32], edges: &[Edge]) -> Vec<(usize, HalfPlane)>
 }
 
 impl Coarser {
-    /// The scene at half the size; `None` if it is not that of one opaque picture.
-    pub fn new(finer: &LayeredScene, simd: Simd) -> Option<Coarser> {
-        let LayeredScene { size, layers, front, .. } = finer;
-        let opaque = |layer: &SceneLayer| layer.partial.iter().all(|(_, plane)| plane.opacity == 1.0);
-        let is_picture = *front == 0 && finer.opaque && layers.len() <= 2 && opaque(&layers[0]);
-        let hides = layers.get(1).is_none_or(|behind| behind.partial.is_empty());
-        if !is_picture || !hides || layers[0].s.par_iter().any(|s| s.is_nan()) {
-            return None;
-        }
+    /// Whether a scene has one at half the size: if it is that of one opaque picture.
+    pub fn exists(finer: &LayeredScene) -> bool {
+        let LayeredScene { layers, front, opaque, .. } = finer;
+        let stops_light = |layer: &SceneLayer| layer.partial.iter().all(|(_, plane)| plane.opacity == 1.0);
+        let is_picture = *front == 0 && *opaque && layers.len() <= 2 && stops_light(&layers[0]);
+        let is_whole = layers.get(1).is_none_or(|behind| behind.partial.is_empty());
+        is_picture && is_whole && layers[0].s.par_iter().all(|s| !s.is_nan())
+    }
+
+    /// The scene at half the size, which has to exist.
+    pub fn new(finer: &LayeredScene, simd: Simd) -> Coarser {
+        let LayeredScene { size, layers, .. } = finer;
         let coarse = Size { width: size.width.div_ceil(SIDE), height: size.height.div_ceil(SIDE), ..*size };
         let own = Finer { size: *size, layers };
         let rows: Vec<Row> = (0..coarse.height).into_par_iter().map(|y| own.row(y)).collect();
@@ -296,7 +299,7 @@ impl Coarser {
         let found = finer.highlights(simd).coarser(*size);
         let surfaces = Surfaces { layers: surfaces, opaque: true };
         let scene = LayeredScene::of_surfaces(coarse, surfaces, None, simd).with_highlights(found);
-        Some(Coarser { scene, finer: *size, mixed })
+        Coarser { scene, finer: *size, mixed }
     }
 
     /// The colours of each layer, from those of the finer scene's layers.
@@ -354,8 +357,9 @@ mod tests {
         build(&Picture::new(SIZE, vec![layer]), 1, 1.0, Simd::PORTABLE, &Cancel::default()).unwrap()
     }
 
-    fn coarser(finer: &LayeredScene) -> (Arc<Coarser>, Vec<Colors>) {
-        let coarser = finer.coarser(Simd::PORTABLE).unwrap();
+    fn coarser(finer: &LayeredScene) -> (Coarser, Vec<Colors>) {
+        assert!(Coarser::exists(finer));
+        let coarser = Coarser::new(finer, Simd::PORTABLE);
         let colors: Vec<Colors> = finer.layers.iter().map(|layer| layer.colors.clone()).collect();
         let colors = coarser.colors(&colors);
         (coarser, colors)

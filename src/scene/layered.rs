@@ -4,7 +4,6 @@
 //! half-plane. The layers depend on the strength of the lens (`s = k d`) but not on its focus: a focal stack shares
 //! them.
 
-use super::coarser::Coarser;
 use super::depth_bounds::DepthBounds;
 use super::depth_codes::DepthCodes;
 use super::depth_spans::{self, DepthSpans};
@@ -46,8 +45,6 @@ pub struct LayeredScene {
     pub bounds: Arc<DepthBounds>,
     /// The highlights; found when first asked for.
     highlights: OnceLock<Arc<highlights::Found>>,
-    /// The scene at half the size; made when first asked for.
-    coarser: OnceLock<Option<Arc<Coarser>>>,
 }
 
 impl LayeredScene {
@@ -70,22 +67,13 @@ impl LayeredScene {
             (0..layers.len()).map(|layer| DepthSpans::new(&layers, size, layer, &codes, simd)).collect();
         let bounds = DepthBounds::new(size, &depths, &codes, (front, &layers[front]), simd);
         let (depths, bounds) = (Arc::new(depths), Arc::new(bounds));
-        let (highlights, coarser) = (OnceLock::new(), OnceLock::new());
-        LayeredScene { size, layers, front, held, opaque, shifts, codes, depths, bounds, highlights, coarser }
+        let highlights = OnceLock::new();
+        LayeredScene { size, layers, front, held, opaque, shifts, codes, depths, bounds, highlights }
     }
 
     /// The same scene with these highlights.
     pub(super) fn with_highlights(self, found: highlights::Found) -> LayeredScene {
         LayeredScene { highlights: OnceLock::from(Arc::new(found)), ..self }
-    }
-
-    /// The scene at half the size; `None` where there is none that shows the same.
-    pub fn coarser(&self, simd: Simd) -> Option<Arc<Coarser>> {
-        let made = self.coarser.get().cloned();
-        made.unwrap_or_else(|| {
-            let made = Coarser::new(self, simd).map(Arc::new);
-            self.coarser.get_or_init(|| made).clone()
-        })
     }
 
     /// The cells of each layer that are highlights, and what is left of them.
@@ -123,7 +111,6 @@ impl LayeredScene {
             depths: Arc::clone(&self.depths),
             bounds: Arc::clone(&self.bounds),
             highlights: OnceLock::new(),
-            coarser: OnceLock::new(),
         }
     }
 
@@ -168,7 +155,6 @@ impl LayeredScene {
             depths: Arc::new(depths.collect()),
             bounds: Arc::new(self.bounds.rows(rows)),
             highlights: OnceLock::new(),
-            coarser: OnceLock::new(),
         }
     }
 }

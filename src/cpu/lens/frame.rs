@@ -1,13 +1,12 @@
 //! A frame under one focus, ready for its tiles: what does not depend on the channels that are rendered.
 
-use super::coarse::BESIDE;
 use super::culling::PART;
 use super::disc;
 use super::group::{Group, Input};
 use super::highlights::HighlightPass;
 use super::padded::Padded;
 use super::padded_colors::DrawnGroup;
-use super::parts::Parts;
+use super::parts::{BESIDE, Parts};
 use super::segments::{Segments, Start};
 use super::widen;
 use crate::cancel::Cancel;
@@ -24,6 +23,7 @@ use crate::plan::lens::lens_samples::LensSample;
 use crate::plan::lens::optical_vignetting::PupilClip;
 use crate::plan::lens::tiles::{self, Tile, Works};
 use crate::plan::lens::{Missed, Plan, Resolution, Settings};
+use crate::scene::coarser::Coarser;
 use crate::scene::colors::Colors;
 use crate::scene::depth_bounds::DepthBits;
 use crate::scene::layered::LayeredScene;
@@ -101,8 +101,9 @@ impl<'a> Frame<'a> {
         // What a lens does differently at every place is not known at another scale.
         let is_even = settings.second_stop.is_none() && settings.aberrated.is_none();
         let may_be = works == Works::Coarser && settings.resolution == Resolution::Adaptive;
-        let detail = (may_be && is_even).then(|| Detail::new(&plan, &scene.codes)).flatten();
-        let scenes = detail.filter(|_| scene.coarser(simd).is_some()).map(Scenes::finest);
+        let detail =
+            (may_be && is_even && Coarser::exists(scene)).then(|| Detail::new(&plan, &scene.codes)).flatten();
+        let scenes = detail.map(Scenes::finest);
         Frame::of_plan(scene, plan, (highlights, scenes), settings, simd, cancel)
     }
 

@@ -6,6 +6,7 @@
 mod aberrated_highlights;
 mod adjoint;
 mod coarse;
+mod coarse_pictures;
 mod culling;
 mod dimming;
 mod disc;
@@ -35,21 +36,17 @@ use crate::optics::Optics;
 use crate::picture::Size;
 use crate::plan::lens::Settings;
 use crate::plan::lens::tiles::Works;
-use crate::rows::{ITEMS_PER_TASK, interleave, interleave_among, with_channels};
+use crate::rows::{interleave, interleave_among, with_channels};
 use crate::scene::grid::TILE;
 use crate::simd::Simd;
 pub use adjoint::{adjoint, by_pixel, of_shifts};
 pub use group::Input;
 
 use aberrated_highlights::AberratedLight;
-use coarse::Coarse;
 use frame::Frame;
 use group::Group;
-use painting::{Painting, Scratch};
+use painting::{Painting, Scratch, TILES_PER_TASK};
 use rayon::prelude::*;
-
-/// Tiles that a worker takes at a time: more than elsewhere, because it allocates scratch memory each time.
-const TILES_PER_TASK: usize = 4 * ITEMS_PER_TASK;
 
 /// Renders the picture through a lens, interleaved, into `out`; or, if it carries channels, these in its place.
 pub fn render(
@@ -68,7 +65,7 @@ pub fn render(
         true => (None, vec![of_picture]),
         false => (Some(of_picture), Group::carried(input, &frame.highlights)),
     };
-    let coarse = Coarse::new(&frame, (&groups, guide.as_ref()), optics, settings, supersample)?;
+    let coarse = coarse::pictures(&frame, (&groups, guide.as_ref()), optics, settings, supersample)?;
     if frame.is_swept() {
         frame.set_colors(&groups, guide.as_ref());
         cancel.check()?;

@@ -1,6 +1,6 @@
 //! The tiles of a frame: in focus, exact discs, or swept in this scene and in coarser ones.
 
-use super::coarse::{Between, Coarse};
+use super::coarse_pictures::{Between, CoarsePictures};
 use super::disc;
 use super::frame::Frame;
 use super::group::Group;
@@ -10,13 +10,17 @@ use super::sweep;
 use super::tile_color::TileColor;
 use crate::error::Result;
 use crate::plan::lens::tiles::{Tile, Work};
+use crate::rows::ITEMS_PER_TASK;
+
+/// Tiles that a worker takes at a time: more than elsewhere, because it allocates scratch memory each time.
+pub const TILES_PER_TASK: usize = 4 * ITEMS_PER_TASK;
 
 /// What is needed to render the tiles of a frame, but for its highlights.
 pub struct Painting<'a> {
     frame: &'a Frame<'a>,
     groups: &'a [Group<'a>],
     gathers: Vec<disc::Gather<'a>>,
-    coarse: Option<Coarse>,
+    coarse: Option<CoarsePictures>,
 }
 
 /// The memory of one worker.
@@ -46,7 +50,11 @@ impl Scratch {
 
 impl<'a> Painting<'a> {
     /// The painting of a frame whose colours are set.
-    pub fn new(frame: &'a Frame<'a>, groups: &'a [Group<'a>], coarse: Option<Coarse>) -> Painting<'a> {
+    pub fn new(
+        frame: &'a Frame<'a>,
+        groups: &'a [Group<'a>],
+        coarse: Option<CoarsePictures>,
+    ) -> Painting<'a> {
         let gathers = groups.iter().map(|group| frame.gather(group)).collect();
         Painting { frame, groups, gathers, coarse }
     }

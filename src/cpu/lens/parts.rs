@@ -3,6 +3,9 @@
 use super::culling::PART;
 use crate::scene::grid::TILE;
 
+/// Pixels of a coarser picture on either side of one on which what is between its pixels depends.
+pub const BESIDE: usize = 2;
+
 const ACROSS: usize = TILE.0 / PART.0;
 const ALL: usize = ACROSS * (TILE.1 / PART.1);
 
