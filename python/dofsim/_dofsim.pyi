@@ -17,6 +17,7 @@ __all__ = [
     "Lens",
     "LensMap",
     "Scene",
+    "_Gradients",
     "__version__",
     "chosen_device",
     "coc",

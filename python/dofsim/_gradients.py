@@ -184,7 +184,7 @@ def jvp(
     if unusable := [name for name in names if name in ("alpha", "disparity")]:
         raise ValueError(f'tangents: {unusable[0]} is part of "color" or "depth"; give that one')
     color, depth = _picture(color), np.asarray(depth)
-    words = {"depth_kind": depth_kind, "device": "cpu", **options}
+    words = {"depth_kind": depth_kind, "device": "cpu", "resolution": "full", **options}
     change: Any = 0.0
     if "color" in names:
         along = _floats("tangents: color", tangents["color"])
