@@ -1,7 +1,6 @@
 """Where rays land: coma, astigmatism, barn doors, measured lenses."""
 
 import pickle
-import warnings
 
 import dofsim
 import numpy as np
@@ -474,16 +473,12 @@ def double_gauss():
     objectives = pytest.importorskip("optiland.samples.objectives")
     from dofsim._prescription import Traced
 
-    with warnings.catch_warnings():
-        # What Numba says of its own work while it compiles for Optiland.
-        warnings.filterwarnings("ignore", "(?s).*is not in scope")
-        lens = dofsim.Lens.from_optiland(
-            objectives.DoubleGauss(), focus_distance=2.0, half_diagonal_mm=HALF_DIAGONAL_MM
-        )
+    lens = dofsim.Lens.from_optiland(
+        objectives.DoubleGauss(), focus_distance=2.0, half_diagonal_mm=HALF_DIAGONAL_MM
+    )
     return lens, Traced(objectives.DoubleGauss(), 2.0)
 
 
-@pytest.mark.filterwarnings("ignore:(?s).*is not in scope")
 @pytest.mark.parametrize("height", [0.0, 0.7, 1.0])
 @pytest.mark.parametrize("distance", [1.2, 2.0, 6.0])
 def test_a_double_gauss_draws_points_as_its_rays_land(double_gauss, height, distance):
