@@ -18,7 +18,7 @@ METHODS = {
 }
 # What each method can be asked for, as its errors list it.
 OPTIONS = {
-    "lens": "views",
+    "lens": "views, resolution",
     "poisson": "bokeh, taps, leak_test",
     "gaussian": "focal_range",
     "hexagonal": "none of its own",
