@@ -6,11 +6,12 @@
 
 use super::colors::{CellColor, Colors};
 use super::edges::{self, CONNECTED_PX};
-use super::half_plane::HalfPlane;
+use super::half_plane::{self, HalfPlane};
 use super::layer::{Role, SceneLayer, Surfaces};
 use super::layered::LayeredScene;
 use crate::memory::Buffer;
 use crate::picture::Size;
+use crate::rows::bands;
 use crate::simd::Simd;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -121,7 +122,7 @@ struct Row {
     front: Vec<f32>,
     back: Vec<f32>,
     mixed: [Mixed; 2],
-    /// Pixels that the surface in front covers in part: index, shifts in front and behind, coverage.
+    /// Pixels that the surface in front covers in part.
     partial: Vec<Edge>,
 }
 
@@ -230,8 +231,7 @@ impl Finer<'_> {
 /// How much of their pixels some cells of a layer cover.
 fn coverage(layer: &SceneLayer, pixels: Range<usize>) -> Vec<f32> {
     let mut covered = vec![1.0; pixels.len()];
-    let first = layer.partial.partition_point(|(index, _)| *index < pixels.start);
-    for (index, plane) in layer.partial[first..].iter().take_while(|(index, _)| *index < pixels.end) {
+    for (index, plane) in layer.partial_in(pixels.clone()) {
         covered[index - pixels.start] = plane.coverage();
     }
     covered
@@ -244,14 +244,7 @@ fn half_planes(size: Size, s: &[f32], edges: &[Edge]) -> Vec<(usize, HalfPlane)>
         own.map_or_else(|_| f32::from(s[index] > middle), |i| edges[i].coverage)
     };
     let of = |edge: &Edge| {
-        let (x, y) = (edge.index % size.width, edge.index / size.width);
-        let beside = |v: usize, d: usize, n: usize| (v + d).saturating_sub(1).min(n - 1);
-        let around = std::array::from_fn(|j| {
-            std::array::from_fn(|i| {
-                let q = beside(y, j, size.height) * size.width + beside(x, i, size.width);
-                coverage_of(q, edge.middle)
-            })
-        });
+        let around = half_plane::around(size, edge.index, |q| coverage_of(q, edge.middle));
         (edge.index, HalfPlane::from_coverage(around, edge.index))
     };
     edges.par_iter().map(of).collect()
@@ -307,7 +300,7 @@ impl Coarser {
         let channels = finer[0].channels();
         let coarse = Size { channels, ..self.scene.size };
         let mut planes = Buffer::unset(coarse.pixels() * channels);
-        let bands = crate::rows::bands(planes.chunks_mut(coarse.pixels()), coarse.width);
+        let bands = bands(planes.chunks_mut(coarse.pixels()), coarse.width);
         bands.into_par_iter().enumerate().for_each_init(Vec::new, |rows, (y, mut out)| {
             let (width, lines) = (self.finer.width, Finer::pair(y, self.finer.height));
             rows.resize(SIDE * channels * width, 0.0);

@@ -87,17 +87,16 @@ pub fn of_layer(size: Size, coverage: &[f32]) -> Vec<(usize, HalfPlane)> {
     (0..size.pixels())
         .into_par_iter()
         .filter(|&i| coverage[i] > 0.0 && coverage[i] < 1.0)
-        .map(|index| {
-            let (x, y) = (index % size.width, index / size.width);
-            let clamped = |v: usize, d: usize, n: usize| (v + d).saturating_sub(1).min(n - 1);
-            let around = std::array::from_fn(|j| {
-                std::array::from_fn(|i| {
-                    coverage[clamped(y, j, size.height) * size.width + clamped(x, i, size.width)]
-                })
-            });
-            (index, HalfPlane::of_layer(around, index))
-        })
+        .map(|index| (index, HalfPlane::of_layer(around(size, index, |q| coverage[q]), index)))
         .collect()
+}
+
+/// The coverage of the pixels around one; at the border of the frame, its own pixels stand in for those beyond.
+pub fn around(size: Size, index: usize, coverage: impl Fn(usize) -> f32) -> [[f32; 3]; 3] {
+    let (x, y) = (index % size.width, index / size.width);
+    let clamped = |v: usize, d: usize, n: usize| (v + d).saturating_sub(1).min(n - 1);
+    let at = |i: usize, j: usize| clamped(y, j, size.height) * size.width + clamped(x, i, size.width);
+    std::array::from_fn(|j| std::array::from_fn(|i| coverage(at(i, j))))
 }
 
 #[cfg(test)]

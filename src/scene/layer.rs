@@ -65,8 +65,13 @@ impl SceneLayer {
 
     /// Whether some cell of a range of pixels covers its pixel only partly.
     pub fn covers_partly_any(&self, pixels: Range<usize>) -> bool {
-        let next = self.partial.partition_point(|(partial, _)| *partial < pixels.start);
-        self.partial.get(next).is_some_and(|(partial, _)| *partial < pixels.end)
+        !self.partial_in(pixels).is_empty()
+    }
+
+    /// The cells of a range of pixels that cover their pixel only partly.
+    pub fn partial_in(&self, pixels: Range<usize>) -> &[(usize, HalfPlane)] {
+        let place = |index: usize| self.partial.partition_point(|(partial, _)| *partial < index);
+        &self.partial[place(pixels.start)..place(pixels.end)]
     }
 
     /// The half-plane of the cell at a pixel, if it covers the pixel only partly.

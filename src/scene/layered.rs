@@ -121,7 +121,7 @@ impl LayeredScene {
         let pixels = rows.start * width..rows.end * width;
         let size = Size { height: rows.len(), ..self.size };
         let of = |layer: &SceneLayer| {
-            let partial = layer.partial.iter().filter(|(index, _)| pixels.contains(index));
+            let partial = layer.partial_in(pixels.clone()).iter();
             let partial = partial.map(|(index, plane)| (index - pixels.start, *plane)).collect();
             let connectivity = if layer.connectivity.is_empty() {
                 Vec::new()

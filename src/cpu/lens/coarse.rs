@@ -45,22 +45,25 @@ pub fn pictures(
     let Frame { scene, scenes, simd, cancel, .. } = frame;
     let Some(Scenes { detail, .. }) = scenes else { return Ok(None) };
     let mut pictures = Vec::new();
-    let mut colors: Vec<_> = groups.iter().chain(guide).map(|group| group.dimmed.clone()).collect();
-    let mut last: Option<Coarser> = None;
-    for number in 1..=SCENES.into_iter().max().unwrap_or(0) {
-        let own = Coarser::new(last.as_ref().map_or(scene, |finer| &finer.scene), *simd);
-        let of_groups = groups.iter().chain(guide).zip(&colors);
-        let mut of_groups: Vec<_> = of_groups.map(|(group, finer)| of_scene(&own, group, finer)).collect();
-        colors = of_groups.iter().map(|group| group.dimmed.clone()).collect();
-        let guide = guide.and_then(|_| of_groups.pop());
-        let scenes = Scenes { detail: Arc::clone(detail), number };
-        let optics = Optics { k: optics.k / f64::from(1 << number), ..*optics };
+    let all: Vec<&Group> = groups.iter().chain(guide).collect();
+    let mut last: Option<(Coarser, Vec<Group>)> = None;
+    for number in 1..=detail.coarsest().unwrap_or(0) {
+        let (finer, colors): (_, Vec<&[Colors]>) = match &last {
+            None => (*scene, all.iter().map(|group| &group.dimmed[..]).collect()),
+            Some((finer, groups)) => (&finer.scene, groups.iter().map(|group| &group.dimmed[..]).collect()),
+        };
+        let own = Coarser::new(finer, *simd);
+        let of_groups = all.iter().zip(colors).map(|(group, finer)| of_scene(&own, group, finer));
+        let of_groups: Vec<Group> = of_groups.collect();
         if SCENES.contains(&number) {
+            let scenes = Scenes { detail: Arc::clone(detail), number };
+            let optics = Optics { k: optics.k / f64::from(1 << number), ..*optics };
             let frame = Frame::coarser(&own.scene, scenes, &optics, settings, supersample, *simd, cancel)?;
-            let picture = frame.map(|frame| picture(number, frame, &of_groups, guide.as_ref()));
+            let (shown, guide) = of_groups.split_at(groups.len());
+            let picture = frame.map(|frame| picture(number, frame, shown, guide.first()));
             pictures.extend(picture.transpose()?);
         }
-        last = Some(own);
+        last = Some((own, of_groups));
     }
     Ok(Some(CoarsePictures(pictures)))
 }

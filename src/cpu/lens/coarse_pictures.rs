@@ -46,9 +46,11 @@ pub struct CoarsePicture {
 /// The pictures of the coarser scenes.
 pub struct CoarsePictures(pub Vec<CoarsePicture>);
 
-/// Rows between those of a coarser picture.
+/// The memory in which a tile is put together.
 #[derive(Default)]
 pub struct Between {
+    /// The squares of the tile and those beside them, and the rows between those.
+    squares: Vec<f32>,
     rows: Vec<f32>,
     shares: Vec<f32>,
 }
@@ -67,7 +69,7 @@ impl CoarsePictures {
         if pictures.peek().is_none() {
             return;
         }
-        let Between { rows, shares } = between;
+        let Between { squares, rows, shares } = between;
         shares.resize(TILE.0 * TILE.1, 0.0);
         detail.shares(0, (x, y), shares);
         for plane in color.iter_mut().flat_map(|color| &mut color.planes) {
@@ -83,7 +85,7 @@ impl CoarsePictures {
             for (c, plane) in planes.enumerate() {
                 frame.simd.run(
                     #[inline(always)]
-                    || picture.add_to(c, tile.origin, shares, rows, plane),
+                    || picture.add_to(c, tile.origin, shares, (squares, rows), plane),
                 );
             }
         }
@@ -101,7 +103,14 @@ impl CoarsePicture {
 
     /// Adds shares of the plane of channel `c` to a tile of the frame.
     #[inline(always)]
-    fn add_to(&self, c: usize, origin: (usize, usize), shares: &[f32], rows: &mut Vec<f32>, out: &mut [f32]) {
+    fn add_to(
+        &self,
+        c: usize,
+        origin: (usize, usize),
+        shares: &[f32],
+        (read, rows): (&mut Vec<f32>, &mut Vec<f32>),
+        out: &mut [f32],
+    ) {
         let CoarsePicture { n, width, height, rows: in_plane, planes, taps } = self;
         let plane = &planes[c * in_plane * width..][..in_plane * width];
         // The squares of the tile, and those beside them.
@@ -113,7 +122,7 @@ impl CoarsePicture {
         // Between rows.
         rows.resize(across * TILE.1, 0.0);
         let columns: Vec<usize> = (0..across).map(|i| around(origin.0, i, *width)).collect();
-        let mut read = vec![0.0; across * squares(TILE.1)];
+        read.resize(across * squares(TILE.1), 0.0);
         for (j, row) in read.chunks_exact_mut(across).enumerate() {
             let own = &plane[around(origin.1, j, *height) * width..][..*width];
             row.iter_mut().zip(&columns).for_each(|(v, &x)| *v = own[x]);

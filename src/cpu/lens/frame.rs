@@ -100,7 +100,7 @@ impl<'a> Frame<'a> {
         cancel.check()?;
         // What a lens does differently at every place is not known at another scale.
         let is_even = settings.second_stop.is_none() && settings.aberrated.is_none();
-        let may_be = works == Works::Coarser && settings.resolution == Resolution::Adaptive;
+        let may_be = works == Works::Least && settings.resolution == Resolution::Adaptive;
         let detail =
             (may_be && is_even && Coarser::exists(scene)).then(|| Detail::new(&plan, &scene.codes)).flatten();
         let scenes = detail.map(Scenes::finest);

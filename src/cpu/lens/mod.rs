@@ -59,7 +59,7 @@ pub fn render(
 ) -> Result<()> {
     let Input { picture, supersample, .. } = *input;
     let size = picture.size;
-    let mut frame = Frame::new(input, optics, settings, Works::Coarser, simd, cancel)?;
+    let mut frame = Frame::new(input, optics, settings, Works::Least, simd, cancel)?;
     let of_picture = Group::of_picture(input, &frame.highlights);
     let (guide, groups) = match picture.carried.is_empty() {
         true => (None, vec![of_picture]),

@@ -33,14 +33,13 @@ impl PartialPlanes {
             std::array::from_fn(|_| Buffer::unset(if layer.partial.is_empty() { 0 } else { cells }));
         let translucent = layer.partial.par_iter().any(|(_, plane)| plane.opacity < 1.0);
         let mut planes = PartialPlanes { bits, normal_x, normal_y, cut, opacity, translucent };
-        let place = |index: usize| layer.partial.partition_point(|(i, _)| *i < index);
         let rows = (planes.normal_x.par_chunks_mut(stride), planes.normal_y.par_chunks_mut(stride));
         let rows = rows.into_par_iter().zip(planes.cut.par_chunks_mut(stride));
         let rows = rows.zip(planes.opacity.par_chunks_mut(stride));
         let rows = rows.zip(planes.bits.par_chunks_mut(stride / 8)).enumerate();
         rows.for_each(|(py, ((((normal_x, normal_y), cut), opacity), bits))| {
             let (y, flip_y) = padding.row(py);
-            for (index, plane) in &layer.partial[place(y * width)..place((y + 1) * width)] {
+            for (index, plane) in layer.partial_in(y * width..(y + 1) * width) {
                 for (px, flip_x) in padding.columns_of(index % width).filter(|(px, _)| present.at(*px, py)) {
                     bits[px / 8] |= 1 << (px % 8);
                     normal_x[px] = if flip_x { -plane.normal[0] } else { plane.normal[0] };

@@ -87,7 +87,7 @@ fn gap(a: usize, b: usize) -> f64 {
 }
 
 impl Detail {
-    /// The detail of a plan; `None` if nothing is blurred so much that it could be coarser than the picture.
+    /// The detail of a plan; `None` if nothing that is swept is blurred so much that it could be coarser than the picture.
     pub fn new(plan: &Plan, codes: &DepthCodes) -> Option<Detail> {
         let Plan { padding, bounds, s_focus, reach_px, tiles, .. } = plan;
         let level = |blur_px: f64| ((blur_px / ENOUGH_PX).log2() as f32).clamp(0.0, MOST as f32);
@@ -110,7 +110,15 @@ impl Detail {
             level(rows.flatten().fold(f64::INFINITY, |least, blur| least.min(*blur)))
         };
         let corners = (0..(across + 1) * (down + 1)).map(|i| corner(i % (across + 1), i / (across + 1)));
-        Some(Detail { width, height, across, swept, corners: corners.collect() })
+        let detail = Detail { width, height, across, swept, corners: corners.collect() };
+        detail.coarsest().is_some().then_some(detail)
+    }
+
+    /// The number of the coarsest scene that is needed anywhere; `None` if that is the picture's own.
+    pub fn coarsest(&self) -> Option<usize> {
+        let extent = |n: usize, of: usize| 0..of.div_ceil(1 << n);
+        let is_needed = |n: &usize| self.needs(*n, extent(*n, self.width), extent(*n, self.height), 0);
+        SCENES.into_iter().skip(1).rfind(is_needed)
     }
 
     /// The number of the scene at the corners of a block: above left and right, below left and right.

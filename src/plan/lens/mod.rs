@@ -66,6 +66,11 @@ impl Settings {
         Settings { aperture, samples, resolution, second_stop: None, aberrated: None }
     }
 
+    /// The same choices, and the picture's own cells everywhere.
+    pub(crate) fn at_full_resolution(&self) -> Settings {
+        Settings { resolution: Resolution::Full, ..self.clone() }
+    }
+
     /// The lens and the opening, adapted to the focus surface, to the second stop and to aberrations.
     pub(crate) fn leaning(&self, imaging: &Imaging, optics: &Optics) -> Result<(Optics, Settings)> {
         // Lens points stay within the unit disc.

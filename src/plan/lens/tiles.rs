@@ -22,8 +22,6 @@ const SWEPT_TILT_PX: f64 = 1.5;
 pub enum Works {
     /// The least that shows the tile as it is.
     Least,
-    /// The same, of which a [coarser scene](super::detail) may do some.
-    Coarser,
     /// The sweep everywhere: how the picture changes with depth is told by what each ray meets.
     Sweeps,
 }
@@ -191,9 +189,9 @@ pub fn plan(
         let samples = count_samples(reach.hypot(aberrations.spread_px), brightest);
         let work = match works {
             Works::Sweeps => Work::Sweep { samples, occupied, disc: 0.0, in_focus: 0.0 },
-            Works::Least | Works::Coarser if in_focus == 1.0 => Work::InFocus,
-            Works::Least | Works::Coarser if disc == 1.0 => Work::Disc,
-            Works::Least | Works::Coarser => Work::Sweep { samples, occupied, disc, in_focus },
+            Works::Least if in_focus == 1.0 => Work::InFocus,
+            Works::Least if disc == 1.0 => Work::Disc,
+            Works::Least => Work::Sweep { samples, occupied, disc, in_focus },
         };
         Tile { origin, reach_px: reach + offset, work }
     };

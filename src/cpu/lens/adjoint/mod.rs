@@ -29,7 +29,7 @@ use crate::memory::Buffer;
 use crate::optics::Optics;
 use crate::picture::Size;
 use crate::plan::lens::Settings;
-use crate::plan::lens::tiles::Works;
+use crate::plan::lens::tiles::{Tile, Works};
 use crate::scene::origins::{Form, Origin, Origins};
 use crate::simd::Simd;
 use around::Asked;
@@ -37,7 +37,7 @@ use highlights::Light;
 use rayon::prelude::*;
 use scratch::Scratch;
 use waves::in_waves;
-use window::{Sums, Target, Window};
+use window::{Sums, Target};
 
 /// The adjoint of [`render`](super::render) for the colours of a picture of one layer: `cotangent` and the result are
 /// planes of its size. `origins` are those of the scene.
@@ -51,26 +51,18 @@ pub fn adjoint(
     cotangent: &[f32],
 ) -> Result<Buffer<f32>> {
     let size = input.picture.size;
-    let frame = Frame::new(input, optics, settings, Works::Least, simd, cancel)?;
+    let settings = settings.at_full_resolution();
+    let frame = Frame::new(input, optics, &settings, Works::Least, simd, cancel)?;
     let guide = Group { sharpening: Sharpening::Guided, ..Group::of_picture(input, &frame.highlights) };
     let layers = input.scene.layers.len();
     let targets = [Target::Given, Target::Level].into_iter().chain((0..layers).map(Target::Swept));
     let mut sums = Sums::new(size, targets);
     let mut light = vec![[0.0f32; 4]; frame.highlights.all.len()];
-    let add = |done: Vec<(Vec<Window>, Vec<Light>)>| {
-        let (windows, lights): (Vec<_>, Vec<_>) = done.into_iter().unzip();
-        sums.add(&frame.padded.padding, &windows.into_iter().flatten().collect::<Vec<_>>());
-        for Light { number, light: more, .. } in lights.into_iter().flatten() {
-            light[number].iter_mut().zip(more).for_each(|(sum, v)| *sum += v);
-        }
-    };
     let scratch = || Scratch::new(&frame, size, Asked::Colors);
-    in_waves(
-        &frame,
-        scratch,
-        |scratch, number, tile| Ok(scratch.colors(&frame, size, (number, tile), cotangent)),
-        add,
-    )?;
+    let of_tile = |scratch: &mut Scratch, tile: (usize, &Tile)| scratch.colors(&frame, size, tile, cotangent);
+    in_waves(&frame, scratch, of_tile, &mut sums, |Light { number, light: more, .. }| {
+        light[number].iter_mut().zip(more).for_each(|(sum, v)| *sum += v);
+    })?;
     let mut planes = sums.into_planes();
     let [given, level] = std::array::from_fn(|_| planes.next().expect("there are planes for each target"));
     let mut swept: Vec<Buffer<f32>> = planes.collect();

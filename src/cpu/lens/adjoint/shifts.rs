@@ -4,7 +4,7 @@ use super::around::Asked;
 use super::highlights::Light;
 use super::scratch::Scratch;
 use super::waves::in_waves;
-use super::window::{Sums, Target, Window};
+use super::window::{Sums, Target};
 use crate::cancel::Cancel;
 use crate::cpu::lens::frame::Frame;
 use crate::cpu::lens::group::{Group, Input};
@@ -14,7 +14,7 @@ use crate::optics::Optics;
 use crate::picture::Size;
 use crate::plan::lens::Settings;
 use crate::plan::lens::footprint::{self, Footprint};
-use crate::plan::lens::tiles::Works;
+use crate::plan::lens::tiles::{Tile, Works};
 use crate::scene::colors::Colors;
 use crate::scene::depth_spans::{self, Cell};
 use crate::simd::Simd;
@@ -42,21 +42,12 @@ pub fn of_shifts(
     let planes = Size { channels: size.channels + 1, ..size };
     let mut sums = Sums::new(planes, (0..layers).map(Target::Swept));
     let mut by_highlight = vec![0.0f32; frame.highlights.all.len()];
-    let add = |done: Vec<(Vec<Window>, Vec<Light>)>| {
-        let (windows, lights): (Vec<_>, Vec<_>) = done.into_iter().unzip();
-        sums.add(&frame.padded.padding, &windows.into_iter().flatten().collect::<Vec<_>>());
-        for Light { number, by_shift, .. } in lights.into_iter().flatten() {
-            let changes = by_shift.iter().zip(group.excess[number]);
-            by_highlight[number] += changes.map(|(by_shift, excess)| by_shift * excess).sum::<f32>();
-        }
-    };
     let scratch = || Scratch::new(&frame, size, Asked::ColorsAndShifts);
-    in_waves(
-        &frame,
-        scratch,
-        |scratch, number, tile| Ok(scratch.shifts(&frame, size, (number, tile), cotangent)),
-        add,
-    )?;
+    let of_tile = |scratch: &mut Scratch, tile: (usize, &Tile)| scratch.shifts(&frame, size, tile, cotangent);
+    in_waves(&frame, scratch, of_tile, &mut sums, |Light { number, by_shift, .. }| {
+        let changes = by_shift.iter().zip(group.excess[number]);
+        by_highlight[number] += changes.map(|(by_shift, excess)| by_shift * excess).sum::<f32>();
+    })?;
     let n = size.pixels();
     let of_layers = input.scene.layers.iter().zip(sums.into_planes()).enumerate();
     let by_shift = of_layers.map(|(i, (layer, sums))| {

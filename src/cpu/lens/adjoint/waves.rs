@@ -1,5 +1,7 @@
 //! Tiles in waves: those of one are done at the same time, and then added in their order.
 
+use super::highlights::Light;
+use super::window::{Sums, Window};
 use crate::cpu::lens::frame::Frame;
 use crate::cpu::lens::tile_color::TileColor;
 use crate::error::Result;
@@ -14,13 +16,15 @@ const TILES: std::ops::RangeInclusive<usize> = 16..=128;
 /// The most cells around all tiles of a wave, if these are not too few.
 const CELLS: usize = 1 << 21;
 
-/// Does some work with every tile, and adds what comes of a wave of them with their numbers, in order: so no sum depends on the
-/// number of threads. Waves bound the memory in which the cells around tiles wait.
-pub fn in_waves<S: Send, T: Send>(
+/// Does some work with every tile and its number, and adds what comes of a wave of them in order: so no sum depends on the
+/// number of threads. What tiles add to cells goes to `sums`, what they add to a highlight to `add`. Waves bound the memory in
+/// which the cells around tiles wait.
+pub fn in_waves<S: Send>(
     frame: &Frame,
     scratch: impl Fn() -> S + Sync,
-    work: impl Fn(&mut S, usize, &Tile) -> Result<T> + Sync,
-    mut add: impl FnMut(Vec<T>),
+    work: impl Fn(&mut S, (usize, &Tile)) -> (Vec<Window>, Vec<Light>) + Sync,
+    sums: &mut Sums,
+    mut add: impl FnMut(Light),
 ) -> Result<()> {
     let pad = frame.padded.padding.pad;
     let around = (TILE.0 + 2 * pad) * (TILE.1 + 2 * pad);
@@ -33,12 +37,14 @@ pub fn in_waves<S: Send, T: Send>(
             frame.cancel.check()?;
             let at_hand = lock().pop();
             let mut own = at_hand.unwrap_or_else(&scratch);
-            let done = work(&mut own, number * wave + i, tile);
+            let done = work(&mut own, (number * wave + i, tile));
             lock().push(own);
-            done
+            Ok(done)
         };
         let done = tiles.par_iter().enumerate().with_max_len(1).map(of_tile);
-        add(done.collect::<Result<Vec<T>>>()?);
+        let (windows, lights): (Vec<_>, Vec<_>) = done.collect::<Result<Vec<_>>>()?.into_iter().unzip();
+        sums.add(&frame.padded.padding, &windows.into_iter().flatten().collect::<Vec<_>>());
+        lights.into_iter().flatten().for_each(&mut add);
     }
     Ok(())
 }
