@@ -121,15 +121,19 @@ struct Idle {
 /// The unused memory, the longest unused first.
 struct Store {
     idle: Vec<Idle>,
+    /// The words that are in use, and the most that ever were.
+    in_use: usize,
+    most_in_use: usize,
     /// Number of buffers that were handed out so far.
     time: u64,
 }
 
-static STORE: Mutex<Store> = Mutex::new(Store { idle: Vec::new(), time: 0 });
+static STORE: Mutex<Store> = Mutex::new(Store::EMPTY);
 
 /// Memory that was not reused for this many buffers is returned to the system: a few renders' worth.
 const KEPT_FOR: u64 = 128;
-/// The largest amount of unused memory, in words: 1 GiB, as much as a render of 8 million pixels leaves.
+/// The largest amount of unused memory, in words: 1 GiB, as much as a render of 8 million pixels leaves. What is in use and
+/// what is unused are together at most this much, or the most that was in use at once.
 const KEPT_WORDS: usize = 1 << 27;
 
 /// The store, unless it is locked. Another thread locks it only for an instant. In a forked process whose parent held
@@ -143,21 +147,34 @@ fn store() -> Option<MutexGuard<'static, Store>> {
 }
 
 impl Store {
-    /// The smallest memory of `n` words or not many more.
-    fn take(&mut self, n: usize) -> Option<Vec<u64>> {
+    const EMPTY: Store = Store { idle: Vec::new(), in_use: 0, most_in_use: 0, time: 0 };
+
+    /// The smallest memory of `n` words or not many more; or none, and the memory that is to be freed for new one.
+    fn take(&mut self, n: usize) -> (Option<Vec<u64>>, Vec<Idle>) {
         self.time += 1;
         let fits = |idle: &Idle| (n..=n + n / 4).contains(&idle.words.len());
         let found = (0..self.idle.len()).filter(|&i| fits(&self.idle[i]));
         let smallest = found.min_by_key(|&i| self.idle[i].words.len());
-        smallest.map(|i| self.idle.remove(i).words)
+        let words = smallest.map(|i| self.idle.remove(i).words);
+        self.in_use += words.as_ref().map_or(n, Vec::len);
+        self.most_in_use = self.most_in_use.max(self.in_use);
+        (words, self.stale())
     }
 
     /// Keeps memory, and returns the memory that is to be freed in exchange.
     fn keep(&mut self, words: Vec<u64>) -> Vec<Idle> {
+        // A store that was locked has not counted what it was asked for.
+        self.in_use = self.in_use.saturating_sub(words.len());
         self.idle.push(Idle { words, since: self.time });
+        self.stale()
+    }
+
+    /// The unused memory that is not kept any longer, taken out.
+    fn stale(&mut self) -> Vec<Idle> {
+        let most = KEPT_WORDS.min(KEPT_WORDS.max(self.most_in_use).saturating_sub(self.in_use));
         let mut total: usize = self.idle.iter().map(|idle| idle.words.len()).sum();
         let stale = self.idle.iter().take_while(|idle| {
-            let too_much = total > KEPT_WORDS;
+            let too_much = total > most;
             total -= idle.words.len();
             too_much || self.time - idle.since > KEPT_FOR
         });
@@ -167,12 +184,13 @@ impl Store {
 }
 
 fn take(n: usize) -> Vec<u64> {
-    let kept = store().and_then(|mut store| store.take(n));
+    // Memory that is no longer wanted is freed after the lock has been released, and before new memory is asked for.
+    let (kept, stale) = store().map_or_else(Default::default, |mut store| store.take(n));
+    drop(stale);
     kept.unwrap_or_else(|| zeros(n))
 }
 
 fn give_back(words: Vec<u64>) {
-    // Memory that is no longer wanted is freed after the lock has been released.
     let _stale = if words.is_empty() { None } else { store().map(|mut store| store.keep(words)) };
 }
 
@@ -204,41 +222,48 @@ fn advise_huge_pages<T>(_: &[T]) {}
 mod tests {
     use super::*;
 
-    fn empty() -> Store {
-        Store { idle: Vec::new(), time: 0 }
-    }
-
     #[test]
     fn memory_of_about_the_size_is_used_again() {
-        let mut store = empty();
+        let mut store = Store::EMPTY;
         assert!(store.keep(vec![1; 100]).is_empty());
         assert!(store.keep(vec![2; 110]).is_empty());
-        assert_eq!(store.take(120), None);
-        assert_eq!(store.take(40), None);
-        assert_eq!(store.take(96).map(|words| words.len()), Some(100));
-        assert_eq!(store.take(96).map(|words| words.len()), Some(110));
-        assert_eq!(store.take(96), None);
+        let mut taken = |n: usize| store.take(n).0.map(|words| words.len());
+        assert_eq!([120, 40, 96, 96, 96].map(&mut taken), [None, None, Some(100), Some(110), None]);
     }
 
     #[test]
     fn what_nobody_wants_is_freed() {
-        let mut store = empty();
+        let mut store = Store::EMPTY;
         store.keep(vec![0; 1000]);
         for _ in 0..KEPT_FOR {
-            let words = store.take(10).unwrap_or_else(|| vec![0; 10]);
+            let words = store.take(10).0.unwrap_or_else(|| vec![0; 10]);
             assert!(store.keep(words).is_empty());
         }
-        let words = store.take(10).unwrap();
+        let words = store.take(10).0.unwrap();
         assert_eq!(store.keep(words).iter().map(|idle| idle.words.len()).collect::<Vec<_>>(), [1000]);
         assert_eq!(store.idle.len(), 1);
     }
 
     #[test]
     fn no_more_than_the_limit_is_kept() {
-        let mut store = empty();
+        let mut store = Store::EMPTY;
         store.keep(vec![0; KEPT_WORDS / 2]);
         store.keep(vec![0; KEPT_WORDS / 2]);
         assert_eq!(store.keep(vec![0; 1]).len(), 1);
+    }
+
+    #[test]
+    fn what_does_not_fit_makes_room_for_what_is_in_use() {
+        let mut store = Store::EMPTY;
+        let half = KEPT_WORDS / 2;
+        // Half of the limit is unused, and as much is taken anew: both together are the limit.
+        store.keep(vec![0; half]);
+        assert!(store.take(half / 2).1.is_empty());
+        assert!(store.take(half / 2).1.is_empty());
+        assert_eq!(store.take(1000).1.iter().map(|idle| idle.words.len()).collect::<Vec<_>>(), [half]);
+        // What once was in use may be kept.
+        assert!(store.take(2 * KEPT_WORDS).1.is_empty());
+        assert!(store.keep(vec![0; half]).is_empty());
     }
 
     #[test]

@@ -29,7 +29,7 @@ def render(color, depth, lens=LENS, **options):
 
 
 def render_if_it_is(color, depth, lens, method):
-    """Render, unless the flagship says no to circles of confusion of more than 2048 pixels."""
+    """Render, unless the flagship says no to circles of confusion of more than 16384 pixels."""
     try:
         return render(color, depth, lens, method=method)
     except ValueError as error:

@@ -88,6 +88,59 @@ def test_a_surface_that_is_sharp_stays_what_it_is_beside_wide_blur():
     assert_allclose(out[:, :160], color[:, :160], atol=2e-5)
 
 
+def ramp(height, width):
+    """Return a picture whose mean over all mirror images is 0.5."""
+    x = (np.arange(width) + 0.5) / width
+    return np.broadcast_to((0.2 + 0.6 * x)[None, :, None], (height, width, 3))
+
+
+@pytest.mark.parametrize("shift_px", [300.0, 1000.0, 5000.0, -2500.0])
+@pytest.mark.parametrize("shape", [(40, 70), (120, 200)])
+def test_a_blur_that_is_much_wider_than_the_picture_is_its_mean(shape, shift_px):
+    lens = dofsim.Lens.from_disparity(strength_px=20000.0, focus=0.5)
+    disparity = np.full(shape, 0.5 + shift_px / 20000.0, np.float32)
+    out = dofsim.render(
+        ramp(*shape).astype(np.float32), disparity, lens, depth_kind="disparity", device="cpu"
+    )
+    # Along an axis, a disc of radius R leaves J1(w R) / (w R) / 2 of the picture's lowest frequency.
+    assert_allclose(out, 0.5, atol=0.3 * min(1.0, (shape[1] / abs(shift_px)) ** 1.5))
+
+
+def test_memory_does_not_grow_with_the_blur():
+    """The padded frame of 33 000 x 33 000 pixels would take 40 GB."""
+    shape = (300, 400)
+    lens = dofsim.Lens.from_disparity(strength_px=20000.0, focus=0.5)
+    shift = np.where(np.arange(shape[1]) < 150, 16000.0, 0.0) * np.ones((shape[0], 1))
+    disparity = (0.5 + shift / 20000.0).astype(np.float32)
+    out = dofsim.render(
+        ramp(*shape).astype(np.float32), disparity, lens, depth_kind="disparity", device="cpu", views=64
+    )
+    assert np.isfinite(out).all()
+
+
+@pytest.mark.parametrize("reach_px", [200.0, 700.0])
+@pytest.mark.parametrize("shape", [(33, 47), (96, 130)])
+def test_mirror_images_of_mirror_images_are_those_of_a_larger_frame(shape, reach_px):
+    """A frame that holds one whole period of mirror images has the same surroundings as a part of it."""
+    rng = np.random.default_rng(8)
+    height, width = shape
+    color = rng.random((height, width, 3)).astype(np.float32)
+    shift = np.where(rng.random((height // 8 + 1, width // 8 + 1)) < 0.3, 0.2, 1.0) * reach_px
+    shift = shift.repeat(8, 0).repeat(8, 1)[:height, :width]
+
+    def mirrored(a, times):
+        for axis in (0, 1):
+            a = np.concatenate([a, np.flip(a, axis)] * times, axis)
+        return a
+
+    once, larger = (
+        render(mirrored(color, n), mirrored(shift, n), resolution="full", views=256)
+        for n in (1, 4)
+    )
+    # Mixed pixels at the border of a frame see less around them than inside.
+    assert_allclose(larger[: 2 * height, : 2 * width], once, atol=0.01)
+
+
 @pytest.mark.parametrize("option", ["half", 1])
 def test_an_unknown_resolution_is_refused(option):
     with pytest.raises((ValueError, TypeError), match="resolution"):

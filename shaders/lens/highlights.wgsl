@@ -4,7 +4,7 @@ struct Params {
     size: vec2<u32>,
     // The padded frame.
     padded: vec2<u32>,
-    pad: i32,
+    pad: vec2<i32>,
     block: i32,
     layers: u32,
     s_focus: f32,

@@ -6,8 +6,9 @@
 
 struct Params {
     size: vec2<u32>,
-    // Margin of the blocks in pixels, and number of blocks in a row.
-    pad: u32,
+    // Margin of the blocks in pixels, the last place in them where a tile is inside, and number of blocks in a row.
+    pad: vec2<u32>,
+    last: vec2<u32>,
     blocks_across: u32,
     block: u32,
     layers: u32,
@@ -130,8 +131,16 @@ fn is_occupied(tile: u32, segment: Segment) -> bool {
     return false;
 }
 
+// The place inside the blocks where a tile shows the same as at a place: mirror images repeat after twice the frame.
+fn inside(place: vec2<i32>) -> vec2<u32> {
+    let period = 2 * vec2<i32>(params.size);
+    let repeated = (place % period + period) % period;
+    let is_inside = (place >= vec2(0)) & (place <= vec2<i32>(params.last));
+    return vec2<u32>(select(repeated, place, is_inside));
+}
+
 fn is_in_window(origin: vec2<u32>, segment: Segment, layer: u32) -> bool {
-    let at = vec2<u32>(vec2<i32>(origin + params.pad) + offset_of(segment)) / params.block;
+    let at = inside(vec2<i32>(origin + params.pad) + offset_of(segment)) / params.block;
     let window = 8u * ((at.y * params.blocks_across + at.x) * params.layers + layer);
     let bins = bins_of(segment);
     for (var word = bins.x / 32u; word <= bins.y / 32u; word++) {

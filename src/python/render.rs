@@ -78,8 +78,8 @@ use std::time::Instant;
 /// max_coc_px : float, optional
 ///     The largest radius of circles of confusion, in pixels of `color`. What would have a larger one is drawn with this
 ///     one, so that a depth that is far too near neither spreads over the picture nor refuses it. Blur of axial colour
-///     is added to it. Without it ``"lens"`` refuses radii of more than 2048 pixels, and some methods have a bound of
-///     their own; see the notes.
+///     is added to it. Without it ``"lens"`` refuses radii of more than 16384 pixels, and of more than 2048 pixels where all
+///     is swept at full resolution (see ``resolution``); some methods have a bound of their own; see the notes.
 /// refine : bool, optional
 ///     Whether to refine the depth first, as `refine_depth` does; it may then be smaller or larger than the picture. What is
 ///     found of the coverage of edges helps to take their pixels apart.
@@ -117,9 +117,9 @@ use std::time::Instant;
 ///
 /// - ``views``, int: lens points used wherever visibility matters, 16 to 16384. By default 64 to 512, chosen for
 ///   each tile from the largest circle of confusion that reaches it.
-/// - ``resolution``, "adaptive" (default) or "full": whether what is blurred by many pixels is swept in a coarser scene,
-///   of four or eight pixels a cell. That costs less and differs by about what the noise of the views does. GPUs
-///   and gradients sweep everything at full resolution.
+/// - ``resolution``, "adaptive" (default) or "full": whether what is blurred by many pixels is rendered in a coarser scene,
+///   of four, eight, and up to 1024 pixels a cell. That costs less and differs by about what the noise of the views does.
+///   GPUs, gradients, layers, holdouts, and lenses with cat's eyes or aberrations do all at full resolution.
 ///
 /// ``"poisson"`` averages over taps scattered over each pixel's own circle of confusion; after the first half of
 /// Riguer, Tatarchuk and Isidoro, "Real-Time Depth of Field Simulation", ShaderX2. It takes apertures of any shape.

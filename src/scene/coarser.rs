@@ -10,6 +10,7 @@ use super::half_plane::{self, HalfPlane};
 use super::layer::{Role, SceneLayer, Surfaces};
 use super::layered::LayeredScene;
 use crate::memory::Buffer;
+use crate::mirror::mirrored;
 use crate::picture::Size;
 use crate::rows::bands;
 use crate::simd::Simd;
@@ -138,18 +139,20 @@ struct Edge {
 /// A scene of one picture: a surface without gaps, and what it hides.
 struct Finer<'a> {
     size: Size,
+    /// Columns of the coarser scene.
+    across: usize,
     layers: &'a [SceneLayer],
 }
 
 impl Finer<'_> {
-    /// The columns or rows of a block, of `n`; at the border the last one stands in for the one beyond.
+    /// The columns or rows of a block, of `n`; their mirror images stand in for those beyond the border.
     fn pair(block: usize, n: usize) -> [usize; SIDE] {
-        [SIDE * block, (SIDE * block + 1).min(n - 1)]
+        std::array::from_fn(|i| mirrored((SIDE * block + i) as i64, n).0)
     }
 
     /// The row of blocks number `y`.
     fn row(&self, y: usize) -> Row {
-        let (width, across) = (self.size.width, self.size.width.div_ceil(SIDE));
+        let (width, across) = (self.size.width, self.across);
         let front = &self.layers[0];
         let lines = Finer::pair(y, self.size.height);
         let shifts = lines.map(|line| &front.s[line * width..][..width]);
@@ -260,11 +263,14 @@ impl Coarser {
         is_picture && is_whole && layers[0].s.par_iter().all(|s| !s.is_nan())
     }
 
-    /// The scene at half the size, which has to exist.
-    pub fn new(finer: &LayeredScene, simd: Simd) -> Coarser {
+    /// The scene at half the size, which has to exist. It shows so many columns and rows beyond the right and the lower border
+    /// of the finer one as well: cells that a border divides do not tell where it is, and so not where the mirror image
+    /// begins.
+    pub fn new(finer: &LayeredScene, beyond: [usize; 2], simd: Simd) -> Coarser {
         let LayeredScene { size, layers, .. } = finer;
-        let coarse = Size { width: size.width.div_ceil(SIDE), height: size.height.div_ceil(SIDE), ..*size };
-        let own = Finer { size: *size, layers };
+        let [width, height] = [size.width + beyond[0], size.height + beyond[1]].map(|n| n.div_ceil(SIDE));
+        let coarse = Size { width, height, ..*size };
+        let own = Finer { size: *size, across: width, layers };
         let rows: Vec<Row> = (0..coarse.height).into_par_iter().map(|y| own.row(y)).collect();
         let plane = |of: fn(&Row) -> &[f32]| {
             let rows: Vec<&[f32]> = rows.iter().map(of).collect();
@@ -289,7 +295,7 @@ impl Coarser {
         for row in rows {
             mixed.iter_mut().zip(&row.mixed).for_each(|(all, own)| all.append(own));
         }
-        let found = finer.highlights(simd).coarser(*size);
+        let found = finer.highlights(simd).coarser(*size, coarse);
         let surfaces = Surfaces { layers: surfaces, opaque: true };
         let scene = LayeredScene::of_surfaces(coarse, surfaces, None, simd).with_highlights(found);
         Coarser { scene, finer: *size, mixed }
@@ -352,7 +358,7 @@ mod tests {
 
     fn coarser(finer: &LayeredScene) -> (Coarser, Vec<Colors>) {
         assert!(Coarser::exists(finer));
-        let coarser = Coarser::new(finer, Simd::PORTABLE);
+        let coarser = Coarser::new(finer, [0; 2], Simd::PORTABLE);
         let colors: Vec<Colors> = finer.layers.iter().map(|layer| layer.colors.clone()).collect();
         let colors = coarser.colors(&colors);
         (coarser, colors)
@@ -415,6 +421,24 @@ mod tests {
         let given: Vec<f32> = given.collect();
         for s in coarser.scene.layers.iter().flat_map(|layer| layer.s.iter()).filter(|s| !s.is_nan()) {
             assert!(given.iter().any(|given| (given - 2.0 * s).abs() < 1e-4), "{s}");
+        }
+    }
+
+    #[test]
+    fn beyond_the_border_is_the_mirror_image() {
+        let finer = scene(|x, y| (1.5 * x as f32, 0.1 + 0.01 * y as f32));
+        let given: Vec<Colors> = finer.layers.iter().map(|layer| layer.colors.clone()).collect();
+        let coarser = Coarser::new(&finer, [40, 17], Simd::PORTABLE);
+        let size = coarser.scene.size;
+        assert_eq!((size.width, size.height), (46, 28));
+        let colors = coarser.colors(&given);
+        let mean = |i: usize, n: usize| {
+            let pair = [2 * i, 2 * i + 1].map(|i| mirrored(i as i64, n).0 as f32);
+            0.5 * (pair[0] + pair[1])
+        };
+        for (i, s) in coarser.scene.layers[0].s.iter().enumerate() {
+            let [x, y] = [mean(i % size.width, SIZE.width), mean(i / size.width, SIZE.height)];
+            assert!((s - 0.75 * x).abs() < 1e-5 && (colors[0].at(i)[0] - 0.1 - 0.01 * y).abs() < 1e-5);
         }
     }
 

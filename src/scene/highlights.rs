@@ -3,10 +3,12 @@
 use super::colors::{CellColor, Colors};
 use super::grid::BLOCK;
 use super::layer::SceneLayer;
+use crate::mirror::mirrored;
 use crate::picture::Size;
 use crate::rows::greater;
 use crate::simd::Simd;
 use rayon::prelude::*;
+use std::ops::RangeInclusive;
 
 /// A cell is a highlight by what it has above this many times its surroundings. At this limit, one lens sample of 512
 /// that appears or disappears changes a pixel of the disc by one hundredth of the surroundings.
@@ -200,20 +202,25 @@ pub struct Found {
 
 impl Found {
     /// What is left in a scene of half the size from which the bright cells have been taken out; `size` is that of this
-    /// one.
-    pub fn coarser(&self, size: Size) -> Found {
-        let [across, down] = [size.width, size.height].map(|n| n.div_ceil(BLOCK));
-        let shown = |b: usize, n: usize| 2 * b..(2 * b + 2).min(n);
-        let greatest = |x: usize, y: usize| {
-            let rows = shown(y, down).map(|y| &self.left[y * across..][shown(x, across)]);
+    /// one, whose mirror image the other may show as well.
+    pub fn coarser(&self, size: Size, coarse: Size) -> Found {
+        let across = size.width.div_ceil(BLOCK);
+        // The blocks that each block of the coarser scene shows.
+        let shown = |n: usize, coarse: usize| -> Vec<RangeInclusive<usize>> {
+            let block = |b: usize| {
+                let own = (2 * b * BLOCK..2 * (b + 1) * BLOCK).map(|i| mirrored(i as i64, n).0 / BLOCK);
+                let (first, last) = own.fold((usize::MAX, 0), |(lo, hi), b| (lo.min(b), hi.max(b)));
+                first..=last
+            };
+            (0..coarse.div_ceil(BLOCK)).map(block).collect()
+        };
+        let [columns, rows] = [shown(size.width, coarse.width), shown(size.height, coarse.height)];
+        let greatest = |columns: &RangeInclusive<usize>, rows: &RangeInclusive<usize>| {
+            let rows = rows.clone().map(|y| &self.left[y * across..][columns.clone()]);
             rows.flatten().fold(1.0f32, |most, left| most.max(*left))
         };
-        let rows = 0..down.div_ceil(2);
-        let left = rows.flat_map(|y| (0..across.div_ceil(2)).map(move |x| (x, y)));
-        Found {
-            bright: self.bright.iter().map(|_| Vec::new()).collect(),
-            left: left.map(|(x, y)| greatest(x, y)).collect(),
-        }
+        let left = rows.iter().flat_map(|rows| columns.iter().map(move |columns| greatest(columns, rows)));
+        Found { bright: self.bright.iter().map(|_| Vec::new()).collect(), left: left.collect() }
     }
 }
 

@@ -43,7 +43,7 @@ use origins::Origins;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// The largest radius of the circle of confusion that is rendered, in pixels.
-const MAX_RADIUS_PX: f64 = 2048.0;
+const MAX_RADIUS_PX: f64 = 16384.0;
 
 /// The strength of a lens and a picture with mapped disparity, with what was prepared for both.
 type Prepared<T> = (f64, Arc<Picture>, Arc<T>);

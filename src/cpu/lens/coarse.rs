@@ -1,9 +1,11 @@
-//! What is blurred so widely that [coarser scenes](crate::scene::coarser) show it, is swept there.
+//! What is blurred so widely that [coarser scenes](crate::scene::coarser) show it, is rendered there.
 
 use super::coarse_pictures::{CoarsePicture, CoarsePictures};
+use super::culling::PART;
 use super::frame::{Frame, Scenes};
 use super::group::Group;
 use super::painting::{Painting, Scratch, TILES_PER_TASK};
+use super::parts::BESIDE;
 use crate::cpu::tiles::split;
 use crate::error::Result;
 use crate::memory::Buffer;
@@ -47,12 +49,16 @@ pub fn pictures(
     let mut pictures = Vec::new();
     let all: Vec<&Group> = groups.iter().chain(guide).collect();
     let mut last: Option<(Coarser, Vec<Group>)> = None;
-    for number in 1..=detail.coarsest().unwrap_or(0) {
+    let coarsest = detail.coarsest().unwrap_or(0);
+    // As far beyond the border as rays go, and those of the parts of tiles there that are rendered; but mirror images repeat.
+    let farthest = frame.padded.reach_px as usize + ((PART.0 + BESIDE) << coarsest);
+    let beyond = [scene.size.width, scene.size.height].map(|n| n.min(farthest));
+    for number in 1..=coarsest {
         let (finer, colors): (_, Vec<&[Colors]>) = match &last {
             None => (*scene, all.iter().map(|group| &group.dimmed[..]).collect()),
             Some((finer, groups)) => (&finer.scene, groups.iter().map(|group| &group.dimmed[..]).collect()),
         };
-        let own = Coarser::new(finer, *simd);
+        let own = Coarser::new(finer, if number == 1 { beyond } else { [0; 2] }, *simd);
         let of_groups = all.iter().zip(colors).map(|(group, finer)| of_scene(&own, group, finer));
         let of_groups: Vec<Group> = of_groups.collect();
         if SCENES.contains(&number) {
@@ -71,8 +77,10 @@ pub fn pictures(
 /// The picture of a frame of the scene number `n`.
 fn picture(n: usize, mut frame: Frame, groups: &[Group], guide: Option<&Group>) -> Result<CoarsePicture> {
     let (cancel, Size { width, height, .. }) = (frame.cancel, frame.scene.size);
-    frame.set_colors(groups, guide);
-    cancel.check()?;
+    if frame.is_swept() {
+        frame.set_colors(groups, guide);
+        cancel.check()?;
+    }
     let channels: usize = groups.iter().map(|group| group.size.channels).sum();
     let rows = height.next_multiple_of(TILE.1);
     let mut planes = Buffer::unset(channels * rows * width);

@@ -27,6 +27,8 @@ pub struct RunningSums {
     reach: usize,
     across: usize,
     down: usize,
+    /// The columns and the rows after which mirror images repeat, if discs are so large that they meet the same again.
+    periods: [Option<usize>; 2],
     /// Colour planes, and [`LANES`] more values so that whole groups can be read.
     color: Vec<f32>,
     /// Running sums along each row of each plane: one more value than there are columns, and [`LANES`] more at the
@@ -43,9 +45,10 @@ fn group(values: &[f32], at: usize) -> &[f32; LANES] {
 }
 
 impl RunningSums {
-    /// Reads the surroundings of the tile at `origin`.
+    /// Reads the surroundings of the tile at `origin`: as far as discs reach, or until mirror images repeat.
     fn fill(&mut self, size: Size, colors: &Colors, origin: (usize, usize), reach: usize) {
-        let (across, down) = (TILE.0 + 2 * reach, TILE.1 + 2 * reach);
+        self.periods = [size.width, size.height].map(|n| (reach > n).then_some(2 * n));
+        let [across, down] = [0, 1].map(|i| [TILE.0, TILE.1][i] + self.periods[i].unwrap_or(2 * reach));
         (self.reach, self.across, self.down) = (reach, across, down);
         self.color.resize(size.channels * across * down + LANES, 0.0);
         self.sums.resize(size.channels * (across + 1) * down + LANES, 0.0);
@@ -95,16 +98,30 @@ impl RunningSums {
 
     /// A kernel as indices into these sums and colours.
     fn disc(&self, kernel: &Kernel) -> Disc {
-        let at = |dx: i32, dy: i32, across: usize| {
-            let place = |d: i32| self.reach.wrapping_add_signed(d as isize);
-            place(dy) * across + place(dx)
+        // The column or row of an offset, and how many periods before it.
+        let place = |axis: usize, d: i32| {
+            let place = self.reach.wrapping_add_signed(d as isize);
+            self.periods[axis].map_or((place, 0), |period| (place % period, place / period))
         };
+        let at = |dx: i32, dy: i32, across: usize| place(1, dy).0 * across + place(0, dx).0;
         let rows = || kernel.rows.iter();
-        let runs = rows().filter(|row| row.run.0 < row.run.1);
-        let runs = runs.map(|row| [row.run.0, row.run.1].map(|dx| at(dx, row.dy, self.across + 1)));
+        let runs = || rows().filter(|row| row.run.0 < row.run.1);
+        let whole = self.periods[0].into_iter().flat_map(|period| {
+            runs().map(move |row| {
+                let [first, end] = [row.run.0, row.run.1].map(|dx| place(0, dx).1);
+                (place(1, row.dy).0 * (self.across + 1) + period, (end - first) as f32)
+            })
+        });
         let edges = rows().flat_map(|row| row.partial.iter().map(|&(dx, weight)| (dx, row.dy, weight)));
         let edges = edges.map(|(dx, dy, weight)| (at(dx, dy, self.across), weight));
-        Disc { run_weight: kernel.run_weight, runs: runs.collect(), edges: edges.collect() }
+        Disc {
+            run_weight: kernel.run_weight,
+            runs: runs()
+                .map(|row| [row.run.0, row.run.1].map(|dx| at(dx, row.dy, self.across + 1)))
+                .collect(),
+            whole: whole.collect(),
+            edges: edges.collect(),
+        }
     }
 
     /// Convolves pixels `x .. x + LANES` of the `R` tile rows from `y` on with one disc.
@@ -119,6 +136,13 @@ impl RunningSums {
             for r in 0..R {
                 let row = r * (self.across + 1);
                 add_between(&mut runs[r], group(sums, first + row), group(sums, end + row));
+            }
+        }
+        let sums = &self.sums[line * (self.across + 1)..];
+        for &(at, times) in &disc.whole {
+            for r in 0..R {
+                let period = sums[at + r * (self.across + 1)];
+                runs[r].iter_mut().for_each(|sum| *sum += times * period);
             }
         }
         let color = &self.color[line * self.across + x..];
@@ -141,6 +165,9 @@ struct Disc {
     run_weight: f32,
     /// Indices into the running sums: where runs begin and end.
     runs: Vec<[usize; 2]>,
+    /// Indices into the running sums, from the beginning of a row: the sums of whole periods, and how many of them lie between
+    /// where a run begins and ends.
+    whole: Vec<(usize, f32)>,
     /// Indices into the colours: the pixels that the opening covers partly, with their weights.
     edges: Vec<(usize, f32)>,
 }

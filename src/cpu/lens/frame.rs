@@ -21,6 +21,7 @@ use crate::plan::lens::in_focus::InFocus;
 use crate::plan::lens::kernels::Kernels;
 use crate::plan::lens::lens_samples::LensSample;
 use crate::plan::lens::optical_vignetting::PupilClip;
+use crate::plan::lens::padding::Margin;
 use crate::plan::lens::tiles::{self, Tile, Works};
 use crate::plan::lens::{Missed, Plan, Resolution, Settings};
 use crate::scene::coarser::Coarser;
@@ -56,10 +57,9 @@ impl Scenes {
     }
 }
 
-/// The parts of a tile that are swept in the scene that the tile is of.
+/// The parts of a tile in which the scene that the tile is of has a share.
 fn parts(tile: &Tile, scenes: Option<&Scenes>) -> Parts {
-    let all = || Parts::that(|_| tile.is_swept());
-    scenes.map_or_else(all, |scenes| scenes.parts(tile.origin))
+    scenes.map_or_else(|| Parts::that(|_| true), |scenes| scenes.parts(tile.origin))
 }
 
 /// A frame under one focus.
@@ -87,14 +87,14 @@ impl<'a> Frame<'a> {
         input: &Input<'a>,
         optics: &Optics,
         settings: &Settings,
-        works: Works,
+        (works, margin): (Works, Margin),
         simd: Simd,
         cancel: &'a Cancel,
     ) -> Result<Frame<'a>> {
         let Input { scene, supersample, .. } = *input;
         cancel.check()?;
         let origins = tiles::origins(scene.size.width, scene.size.height);
-        let plan = Plan::new(scene, optics, settings, supersample, (works, origins), simd);
+        let plan = Plan::new(scene, optics, settings, supersample, (works, margin, origins), simd);
         cancel.check()?;
         let highlights = Highlights::new(scene, &plan, simd);
         cancel.check()?;
@@ -122,7 +122,8 @@ impl<'a> Frame<'a> {
         if origins.is_empty() {
             return Ok(None);
         }
-        let plan = Plan::new(scene, optics, settings, supersample, (Works::Sweeps, origins), simd);
+        let plan =
+            Plan::new(scene, optics, settings, supersample, (Works::Least, Margin::Period, origins), simd);
         cancel.check()?;
         Frame::of_plan(scene, plan, (Highlights::default(), Some(scenes)), settings, simd, cancel).map(Some)
     }
@@ -157,7 +158,8 @@ impl<'a> Frame<'a> {
         let needed = tiles::needed(&padding, &bounds, read);
         let padded = Padded::new(scene, padding, bounds, reach_px, &needed, simd);
         cancel.check()?;
-        let discs = tiles.par_iter().filter(|tile| tile.disc_share() > 0.0);
+        let is_disc = |tile: &&Tile| tile.disc_share() > 0.0 && parts(tile, scenes.as_ref()).any();
+        let discs = tiles.par_iter().filter(is_disc);
         let discs =
             discs.map(|tile| Surface::new(&scene.layers[scene.front].s, scene.size, s_focus, tile.origin));
         let surfaces: Vec<Surface> = discs.collect();
@@ -183,14 +185,14 @@ impl<'a> Frame<'a> {
         })
     }
 
-    /// The parts of a tile that are swept in this scene.
+    /// The parts of a tile in which this scene has a share.
     pub fn parts(&self, tile: &Tile) -> Parts {
         parts(tile, self.scenes.as_ref())
     }
 
     /// Whether some tile is swept in this scene.
     pub fn is_swept(&self) -> bool {
-        self.tiles.iter().any(|tile| self.parts(tile).any())
+        self.tiles.iter().any(|tile| tile.is_swept() && self.parts(tile).any())
     }
 
     /// The colours of a group with which cells are drawn, in each layer: widened where lens samples are sparse.

@@ -269,20 +269,20 @@ fn sharpen(rows: &Rows, chunk: &Range<usize>, kappa: &[f32; CHUNK], out: &mut [f
 impl PaddedLayer {
     /// Lays out the colours of this layer, number `layer`.
     pub fn set_colors(&mut self, drawn: &Drawn, layer: usize, padding: &Padding) {
-        let (size, pad, stride) = (drawn.size, padding.pad, padding.stride);
+        let (size, [left, above], stride) = (drawn.size, padding.pad, padding.stride);
         let cells = stride * padding.rows;
         let channels = drawn.groups.iter().map(|group| group.size.channels).sum();
         self.color = (0..channels).map(|_| Buffer::unset(cells)).collect();
         let present = &self.present;
-        let frame = pad * stride..(pad + size.height) * stride;
+        let frame = above * stride..(above + size.height) * stride;
         let bands = bands(self.color.iter_mut().map(|plane| &mut plane[frame.clone()]), stride * BLOCK);
         bands.into_par_iter().enumerate().for_each_init(Band::default, |band, (i, mut planes)| {
             let rows = i * BLOCK..(i * BLOCK + planes[0].len() / stride);
             // A band is one row of blocks.
-            let stretches: Vec<_> = present.stretches(rows.start + pad).collect();
+            let stretches: Vec<_> = present.stretches(rows.start + above).collect();
             let inside = stretches.iter().map(|stretch| {
                 let (inside, _) = parts(padding, stretch);
-                inside.start - pad..inside.end - pad
+                inside.start - left..inside.end - left
             });
             drawn.fill(band, layer, &rows, inside);
             for y in rows.clone() {
@@ -294,17 +294,17 @@ impl PaddedLayer {
                     let (inside, _) = parts(padding, stretch);
                     let mut into: Vec<&mut [f32]> =
                         row.iter_mut().map(|row| &mut row[inside.clone()]).collect();
-                    drawn.stretch(band, layer, y, inside.start - pad..inside.end - pad, &mut into);
+                    drawn.stretch(band, layer, y, inside.start - left..inside.end - left, &mut into);
                 }
                 for px in stretches.iter().flat_map(|stretch| parts(padding, stretch).1) {
-                    let source = padding.column(px).0 + pad;
+                    let source = padding.column(px).0 + left;
                     row.iter_mut().for_each(|row| row[px] = row[source]);
                 }
             }
         });
         self.color.par_iter_mut().for_each(|plane| {
-            for py in (0..pad).chain(pad + size.height..padding.rows) {
-                let (own, source) = (py * stride, (padding.row(py).0 + pad) * stride);
+            for py in (0..above).chain(above + size.height..padding.rows) {
+                let (own, source) = (py * stride, (padding.row(py).0 + above) * stride);
                 for stretch in present.stretches(py) {
                     plane.copy_within(source + stretch.start..source + stretch.end, own + stretch.start);
                 }

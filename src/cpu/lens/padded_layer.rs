@@ -114,7 +114,7 @@ pub fn parts(
     padding: &Padding,
     stretch: &Range<usize>,
 ) -> (Range<usize>, impl Iterator<Item = usize> + use<>) {
-    let (first, end) = (padding.pad, padding.pad + padding.width);
+    let (first, end) = (padding.pad[0], padding.pad[0] + padding.width);
     let inside = stretch.start.clamp(first, end)..stretch.end.clamp(first, end);
     let outside = (stretch.start..stretch.end.min(first)).chain(stretch.start.max(end)..stretch.end);
     (inside, outside)
@@ -135,7 +135,7 @@ impl PaddedLayer {
                     continue;
                 }
                 let (inside, outside) = parts(padding, &stretch);
-                let source = at + inside.start - padding.pad..at + inside.end - padding.pad;
+                let source = at + inside.start - padding.pad[0]..at + inside.end - padding.pad[0];
                 lo[inside.clone()].copy_from_slice(&depths.lo[source.clone()]);
                 hi[inside].copy_from_slice(&depths.hi[source]);
                 for px in outside {

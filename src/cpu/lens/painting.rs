@@ -1,4 +1,4 @@
-//! The tiles of a frame: in focus, exact discs, or swept in this scene and in coarser ones.
+//! The tiles of a frame: in focus, or exact discs or swept in this scene and in coarser ones.
 
 use super::coarse_pictures::{Between, CoarsePictures};
 use super::disc;
@@ -68,22 +68,21 @@ impl<'a> Painting<'a> {
                 composite.tile(group, &scene.layers, in_focus, tile.origin, color);
             }
         };
+        let is_own = self.frame.parts(tile).any();
         match &tile.work {
-            Work::InFocus => sharp(color),
-            Work::Disc => {
-                for (gather, color) in self.gathers.iter().zip(color) {
+            Work::InFocus => {
+                sharp(color);
+                return Ok(());
+            }
+            Work::Disc if is_own => {
+                for (gather, color) in self.gathers.iter().zip(&mut *color) {
                     gather.tile(tile.origin, sums, color)?;
                 }
             }
-            Work::Sweep { samples, occupied, disc, in_focus } => {
-                if self.frame.parts(tile).any() {
-                    self.frame.trace(segments, tile, *samples, occupied);
-                    // SAFETY: the segments have just been traced there.
-                    unsafe { sweep::sweep(*simd, padded, segments, tile.origin, *missed, color) };
-                }
-                if let Some(coarse) = &self.coarse {
-                    coarse.add_to(self.frame, tile, between, color);
-                }
+            Work::Sweep { samples, occupied, disc, in_focus } if is_own => {
+                self.frame.trace(segments, tile, *samples, occupied);
+                // SAFETY: the segments have just been traced there.
+                unsafe { sweep::sweep(*simd, padded, segments, tile.origin, *missed, color) };
                 if *disc > 0.0 {
                     for ((gather, color), exact) in self.gathers.iter().zip(&mut *color).zip(&mut *exact) {
                         gather.tile(tile.origin, sums, exact)?;
@@ -95,6 +94,10 @@ impl<'a> Painting<'a> {
                     color.iter_mut().zip(exact).for_each(|(color, exact)| color.mix(exact, *in_focus));
                 }
             }
+            Work::Disc | Work::Sweep { .. } => {}
+        }
+        if let Some(coarse) = &self.coarse {
+            coarse.add_to(self.frame, tile, between, color);
         }
         Ok(())
     }

@@ -97,8 +97,9 @@ impl Start<'_> {
     #[inline(always)]
     fn depths_at(&self, cell: [i32; 2]) -> &[DepthBits] {
         let (pad, bounds) = (self.padded.padding.pad, &self.padded.bounds);
-        let block = |origin: usize, cell: i32| (origin + pad).wrapping_add_signed(cell as isize) / BLOCK;
-        let b = block(self.origin.1, cell[1]) * bounds.across + block(self.origin.0, cell[0]);
+        let block = |first: usize, cell: i32| first.wrapping_add_signed(cell as isize) / BLOCK;
+        let (bx, by) = (block(self.origin.0 + pad[0], cell[0]), block(self.origin.1 + pad[1], cell[1]));
+        let b = by * bounds.across + bx;
         &self.padded.windows[b * bounds.layers..][..bounds.layers]
     }
 }
@@ -232,14 +233,15 @@ impl Segments {
             near,
             far,
             #[inline(always)]
-            |cell, from, to| {
+            |passed, from, to| {
+                let cell = padded.padding.inside(start.origin, passed);
                 let offset = cell[1] * padded.padding.stride as i32 + cell[0];
                 if padded.translucent {
                     self.steps.push(Some(Step { offset, from: from as u16, to: to as u16 }));
                 }
                 for (layer, bits) in start.depths_at(cell).iter().enumerate() {
                     if any_bin(bits, from >> 8, (to - 1) >> 8) {
-                        let [bx, by] = ray.base_from(cell);
+                        let [bx, by] = ray.base_from(passed);
                         let (from, to, layer_number) = (from as u16, to as u16, layer as u32);
                         let number = self.traced.len() as u32;
                         self.traced.push(Traced {

@@ -104,13 +104,13 @@ impl<'a> Shadows<'a> {
         (in_tile, sign): ([i32; 2], i32),
         padded: &'a Padded,
     ) -> Shadows<'a> {
-        let (px_per_code, pad) = (padded.codes.step(), padded.padding.pad as i32);
+        let (px_per_code, pad) = (padded.codes.step(), padded.padding.pad.map(|pad| pad as i32));
         let hiding = f64::from(cluster.span[1]) + f64::from(SAME_SURFACE_PX) / px_per_code;
         Shadows {
             padded,
             cluster,
             layer: middle.layer,
-            place: [middle.x + pad, middle.y + pad],
+            place: [middle.x + pad[0], middle.y + pad[1]],
             in_tile,
             sign,
             code: f32::from(cluster.code),

@@ -205,7 +205,7 @@ fn visit_pixels<L: Lanes>(
     mut visit: impl FnMut(&Segments, (usize, usize), usize),
 ) {
     for (x, part_y) in segments.parts.origins() {
-        let place = (origin.0 + padded.padding.pad + x, origin.1 + padded.padding.pad + part_y);
+        let place = (origin.0 + padded.padding.pad[0] + x, origin.1 + padded.padding.pad[1] + part_y);
         segments.cull(&padded.patches, place, (x, part_y));
         let columns = || (x..x + PART.0).step_by(L::CELLS);
         let rows = (part_y..part_y + PART.1).step_by(ROWS);

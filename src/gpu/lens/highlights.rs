@@ -21,7 +21,7 @@ shared! {
     struct HighlightsParams {
         size: [u32; 2],
         padded: [u32; 2],
-        pad: i32,
+        pad: [i32; 2],
         block: i32,
         layers: u32,
         s_focus: f32,
@@ -31,7 +31,7 @@ shared! {
         same_surface_px: f32,
         other_surface_px: f32,
         first_tile: u32,
-        _gap: [u32; 2],
+        _gap: u32,
         second_stop: SecondStop,
     }
 }
@@ -77,7 +77,7 @@ pub fn pass(
     if highlights.all.is_empty() {
         return Ok(());
     }
-    let pad = plan.padding.pad as i32;
+    let pad = plan.padding.pad.map(|pad| pad as i32);
     // For each highlight, a pixel looks up two weights. For each cluster it follows a ray, by four cells of all layers at
     // every step.
     let loops_each =
@@ -139,7 +139,7 @@ pub fn pass(
         same_surface_px: SAME_SURFACE_PX,
         other_surface_px: OTHER_SURFACE_PX,
         first_tile: 0,
-        _gap: [0; 2],
+        _gap: 0,
         second_stop,
     };
     let words =

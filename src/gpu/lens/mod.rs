@@ -25,6 +25,7 @@ use crate::optics::Optics;
 use crate::plan::lens::footprint::REACHES;
 use crate::plan::lens::highlights::Highlights;
 use crate::plan::lens::optical_vignetting::PupilClip;
+use crate::plan::lens::padding::Margin;
 use crate::plan::lens::tiles::{self, Work, Works};
 use crate::plan::lens::{Plan, Settings, reach_px};
 use crate::scene::grid::{BLOCK, TILE};
@@ -88,7 +89,7 @@ pub fn render(
 ) -> Result<wgpu::Buffer> {
     let Input { scene, cells, .. } = *input;
     let size = scene.size;
-    let works = (Works::Least, tiles::origins(size.width, size.height));
+    let works = (Works::Least, Margin::Period, tiles::origins(size.width, size.height));
     let plan = Plan::new(scene, optics, settings, input.supersample, works, simd);
     cancel.check()?;
     let highlights = Highlights::new(scene, &plan, simd);

@@ -34,7 +34,8 @@ const FOLLOWED: usize = 20;
 shared! {
     struct SweepParams {
         size: [u32; 2],
-        pad: u32,
+        pad: [u32; 2],
+        last: [u32; 2],
         blocks_across: u32,
         block: u32,
         layers: u32,
@@ -43,7 +44,6 @@ shared! {
         end_sample: u32,
         front: u32,
         first_tile: u32,
-        _end: u32,
     }
 }
 
@@ -189,7 +189,8 @@ pub fn pass(commands: &mut Commands, frame: &LensFrame, drawn: &wgpu::Buffer) ->
     let windows: Vec<[u32; 8]> = padded_bounds::windows(&plan.bounds).par_iter().map(depth_words).collect();
     let params = SweepParams {
         size: pixels(cells.size),
-        pad: plan.padding.pad as u32,
+        pad: plan.padding.pad.map(|pad| pad as u32),
+        last: [plan.padding.stride - TILE.0, plan.padding.rows - TILE.1].map(|last| last as u32),
         blocks_across: plan.bounds.across as u32,
         block: BLOCK as u32,
         layers: cells.layers as u32,
@@ -198,7 +199,6 @@ pub fn pass(commands: &mut Commands, frame: &LensFrame, drawn: &wgpu::Buffer) ->
         end_sample: 0,
         front: (cells.front * cells.size.pixels()) as u32,
         first_tile: 0,
-        _end: 0,
     };
     let samples: Vec<usize> = tiles.iter().map(|tile| tile.samples as usize).collect();
     let traces = gpu.upload("the traces of the samples", &traces)?;

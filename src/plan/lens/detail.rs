@@ -6,7 +6,7 @@
 
 use super::Plan;
 use super::padding::Padding;
-use super::tiles::reaching;
+use super::tiles::{Work, reaching};
 use crate::rows::mix;
 use crate::scene::depth_bounds::{DepthBits, DepthBounds, unite};
 use crate::scene::depth_codes::DepthCodes;
@@ -14,26 +14,34 @@ use crate::scene::grid::{BLOCK, TILE};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// The scenes that are swept: that of the picture's own cells, and those of four and of eight pixels a cell. One of two
-/// pixels, with the samples that its pixels need, would take half the work, and where scenes meet both are swept.
-pub const SCENES: [usize; 3] = [0, 2, MOST];
-const MOST: usize = 3;
+/// The scenes that are rendered: that of the picture's own cells, and those of four, eight, and up to 1024 pixels a cell. One
+/// of two pixels, with the samples that its pixels need, would take half the work, and where scenes meet both are swept.
+pub const SCENES: [usize; 10] = [0, 2, 3, 4, 5, 6, 7, 8, 9, MOST];
+const MOST: usize = 10;
+/// The coarsest scene that blocks of [`BLOCK`] pixels tell from finer ones.
+const FIRST: usize = 3;
 /// What is blurred by so much, in the pixels of a coarser scene, is swept there alone. Over a disc of this radius, the
 /// square of the place along an axis is 36 on average, a quarter of the square of the radius; the mean over a cell adds a
 /// twelfth. The disc has 450 cells, so that what is met of one more or less of them does not show.
 const ENOUGH_PX: f64 = 12.0;
 /// Before what is swept in a coarser scene alone, both have a share over so much of a doubling of the blur.
 const FADE: f32 = 0.5;
+/// A coarser scene has at least so many cells along each axis: rays that go beyond its mirror image find the next one a part of a
+/// cell away from its place.
+const CELLS: usize = 8;
+/// Exact discs have no noise in which an error could hide, and cost little until they are large. They are rendered in scenes
+/// whose number is lower by so much: four times as fine.
+const EXACT: f32 = 2.0;
 
-/// How much detail the swept tiles of a plan need.
+/// How much detail the tiles of a plan need.
 pub struct Detail {
     width: usize,
     height: usize,
     /// Blocks in a row.
     across: usize,
-    /// Whether each block is in a tile that is swept.
-    swept: Vec<bool>,
-    /// For each corner of the blocks, the number `n` of the scene that resolves what reaches the blocks around it.
+    /// For each block, what is subtracted from the numbers at its corners; infinite where the tile is in focus.
+    finer: Vec<f32>,
+    /// For each corner of the blocks, the number `n` of the scene in which what reaches the blocks around it can be swept.
     corners: Vec<f32>,
 }
 
@@ -78,39 +86,50 @@ impl Bins {
     }
 }
 
-/// Least distance in pixels between blocks number `a` and `b` along one axis.
-fn gap(a: usize, b: usize) -> f64 {
-    match a.abs_diff(b) {
-        0 => 0.0,
-        apart => ((apart - 1) * BLOCK + 1) as f64,
-    }
+/// Least distance in pixels between blocks that are `side` pixels wide and so many of them apart along one axis.
+fn gap(apart: usize, side: usize) -> f64 {
+    if apart == 0 { 0.0 } else { ((apart - 1) * side + 1) as f64 }
 }
 
 impl Detail {
-    /// The detail of a plan; `None` if nothing that is swept is blurred so much that it could be coarser than the picture.
+    /// The detail of a plan; `None` if nothing is blurred so much that it could be coarser than the picture.
     pub fn new(plan: &Plan, codes: &DepthCodes) -> Option<Detail> {
         let Plan { padding, bounds, s_focus, reach_px, tiles, .. } = plan;
-        let level = |blur_px: f64| ((blur_px / ENOUGH_PX).log2() as f32).clamp(0.0, MOST as f32);
+        let Padding { width, height, pad, .. } = *padding;
+        let coarsest = (width.min(height) / CELLS).checked_ilog2().map_or(0.0, |n| n.min(MOST as u32) as f32);
+        let level = |blur_px: f64| ((blur_px / ENOUGH_PX).log2() as f32).clamp(0.0, coarsest);
         if level(*reach_px) <= SCENES[1] as f32 - FADE {
             return None;
         }
-        let Padding { width, height, pad, .. } = *padding;
         // Whole tiles are planned.
         let (across, down) =
             (width.next_multiple_of(TILE.0) / BLOCK, height.next_multiple_of(TILE.1) / BLOCK);
-        let mut swept = vec![false; across * down];
-        for tile in tiles.iter().filter(|tile| tile.is_swept()) {
+        let mut finer = vec![f32::INFINITY; across * down];
+        for tile in tiles {
             let (x, y) = (tile.origin.0 / BLOCK, tile.origin.1 / BLOCK);
-            (y..y + TILE.1 / BLOCK).for_each(|y| swept[y * across + x..][..TILE.0 / BLOCK].fill(true));
+            let own = match tile.work {
+                Work::InFocus => f32::INFINITY,
+                Work::Disc => EXACT,
+                Work::Sweep { .. } => 0.0,
+            };
+            (y..y + TILE.1 / BLOCK).for_each(|y| finer[y * across + x..][..TILE.0 / BLOCK].fill(own));
         }
-        let least = least_blur(bounds, codes, *s_focus, (pad / BLOCK, [across, down]));
+        let bins = Bins::new(codes, *s_focus);
+        let frame = Blocks { first: pad.map(|pad| pad / BLOCK), extent: [across, down] };
+        let least = least_blur(
+            Depths::of(bounds),
+            &bins,
+            |distance| reaching(codes, *s_focus, distance),
+            *reach_px,
+            &frame,
+        );
         let corner = |x: usize, y: usize| {
             let beside = |v: usize, n: usize| v.saturating_sub(1)..(v + 1).min(n);
             let rows = beside(y, down).map(|y| &least[y * across..][beside(x, across)]);
             level(rows.flatten().fold(f64::INFINITY, |least, blur| least.min(*blur)))
         };
         let corners = (0..(across + 1) * (down + 1)).map(|i| corner(i % (across + 1), i / (across + 1)));
-        let detail = Detail { width, height, across, swept, corners: corners.collect() };
+        let detail = Detail { width, height, across, finer, corners: corners.collect() };
         detail.coarsest().is_some().then_some(detail)
     }
 
@@ -124,11 +143,12 @@ impl Detail {
     /// The number of the scene at the corners of a block: above left and right, below left and right.
     fn corners_of(&self, (x, y): (usize, usize)) -> [[f32; 2]; 2] {
         let at = y * (self.across + 1) + x;
-        [at, at + self.across + 1].map(|at| [self.corners[at], self.corners[at + 1]])
+        let finer = self.finer[y * self.across + x];
+        [at, at + self.across + 1].map(|at| [at, at + 1].map(|at| (self.corners[at] - finer).max(0.0)))
     }
 
-    /// Whether scene number `n` has a share of what is swept in these columns and rows of its own frame, or within `margin`
-    /// of its pixels around them.
+    /// Whether scene number `n` has a share of these columns and rows of its own frame, or within `margin` of its pixels around
+    /// them.
     pub fn needs(&self, n: usize, columns: Range<usize>, rows: Range<usize>, margin: usize) -> bool {
         // The blocks of the picture.
         let blocks = |range: Range<usize>, extent: usize| {
@@ -137,12 +157,15 @@ impl Detail {
         };
         let columns = blocks(columns, self.width);
         let blocks = blocks(rows, self.height).flat_map(|y| columns.clone().map(move |x| (x, y)));
-        let swept = blocks.filter(|(x, y)| self.swept[y * self.across + x]);
-        let corners = swept.flat_map(|block| self.corners_of(block)).flatten();
-        let (least, most) = corners.fold((f32::MAX, f32::MIN), |(lo, hi), n| (lo.min(n), hi.max(n)));
-        // Between its corners a block has all numbers that lie between theirs.
         let [from, to] = shared_between(n);
-        least < to && most > from
+        blocks.map(|block| self.corners_of(block)).any(|corners| {
+            let (least, most) = corners
+                .as_flattened()
+                .iter()
+                .fold((f32::MAX, f32::MIN), |(lo, hi), n| (lo.min(*n), hi.max(*n)));
+            // Between its corners a block has all numbers that lie between theirs.
+            least < to && most > from
+        })
     }
 
     /// Writes the share of scene number `n` in each pixel of the tile at `origin`.
@@ -176,47 +199,121 @@ fn share_of(n: usize, level: f32) -> f32 {
     entered(from) - entered(to - FADE)
 }
 
-/// The least blur in pixels of what reaches each block of the frame, as far as that tells scenes apart. The frame begins
-/// `pad` blocks into the bounds, and is `columns` x `rows` blocks.
+/// Blocks of the padded frame.
+struct Blocks {
+    first: [usize; 2],
+    extent: [usize; 2],
+}
+
+impl Blocks {
+    /// The blocks of twice the size that overlap these.
+    fn doubled(&self) -> Blocks {
+        let first = self.first.map(|first| first / 2);
+        Blocks {
+            first,
+            extent: std::array::from_fn(|i| (self.first[i] + self.extent[i]).div_ceil(2) - first[i]),
+        }
+    }
+}
+
+/// The depths that occur in each block of the padded frame.
+struct Depths {
+    across: usize,
+    down: usize,
+    bits: Vec<DepthBits>,
+}
+
+/// All depths of some sets.
+fn union<'a>(sets: impl Iterator<Item = &'a DepthBits>) -> DepthBits {
+    sets.fold([0; 4], |mut all, bits| {
+        unite(&mut all, bits);
+        all
+    })
+}
+
+impl Depths {
+    /// Those of all layers.
+    fn of(bounds: &DepthBounds) -> Depths {
+        let bits = bounds.occupied.chunks_exact(bounds.layers).map(|layers| union(layers.iter()));
+        Depths { across: bounds.across, down: bounds.down, bits: bits.collect() }
+    }
+
+    /// Those of blocks of twice the size.
+    fn doubled(&self) -> Depths {
+        let (across, down) = (self.across.div_ceil(2), self.down.div_ceil(2));
+        let of_block = |x: usize, y: usize| {
+            let row = |y: usize| &self.bits[y * self.across..][2 * x..(2 * x + 2).min(self.across)];
+            union((2 * y..(2 * y + 2).min(self.down)).flat_map(row))
+        };
+        let bits = (0..across * down).map(|b| of_block(b % across, b / across));
+        Depths { across, down, bits: bits.collect() }
+    }
+}
+
+/// The least blur in pixels of what reaches each block of the frame, as far as that tells scenes apart. `reaching` gives the
+/// depths whose discs reach so many pixels.
+///
+/// What is blurred more than what blocks of one size tell is looked for in blocks of twice the size, where no more of them
+/// are around a block than before.
 fn least_blur(
-    bounds: &DepthBounds,
-    codes: &DepthCodes,
-    s_focus: f64,
-    (pad, [columns, rows]): (usize, [usize; 2]),
+    mut depths: Depths,
+    bins: &Bins,
+    reaching: impl Fn(f64) -> DepthBits,
+    reach_px: f64,
+    frame: &Blocks,
 ) -> Vec<f64> {
-    let bins = Bins::new(codes, s_focus);
-    let depths: Vec<DepthBits> = bounds
-        .occupied
-        .chunks_exact(bounds.layers)
-        .map(|layers| {
-            let mut all = [0; 4];
-            layers.iter().for_each(|bits| unite(&mut all, bits));
-            all
-        })
-        .collect();
-    let sharpest: Vec<f64> = depths.iter().map(|bits| bins.sharpest_px(bits)).collect();
-    // What is blurred more is swept in the coarsest scene.
-    let most = ENOUGH_PX * f64::from(1 << MOST);
-    let around = (most as usize + 2).div_ceil(BLOCK);
+    let [columns, rows] = frame.extent;
+    let mut least = vec![0.0f64; columns * rows];
+    let mut blocks = Blocks { ..*frame };
+    for doublings in 0..=MOST - FIRST {
+        let side = BLOCK << doublings;
+        let most = ENOUGH_PX * f64::from(1 << (FIRST + doublings));
+        let of_blocks = least_blur_up_to(most, side, &depths, bins, &reaching, &blocks);
+        let block_of = |i: usize, own: usize| ((frame.first[i] + own) >> doublings) - blocks.first[i];
+        least.iter_mut().enumerate().for_each(|(b, least)| {
+            let (x, y) = (block_of(0, b % columns), block_of(1, b / columns));
+            *least = least.max(of_blocks[y * blocks.extent[0] + x]);
+        });
+        if most >= reach_px {
+            break;
+        }
+        (depths, blocks) = (depths.doubled(), blocks.doubled());
+    }
+    least
+}
+
+/// The least blur of what reaches each of some blocks, which are `side` pixels wide; `most` if it is more.
+fn least_blur_up_to(
+    most: f64,
+    side: usize,
+    depths: &Depths,
+    bins: &Bins,
+    reaching: impl Fn(f64) -> DepthBits,
+    blocks: &Blocks,
+) -> Vec<f64> {
+    let Depths { across, down, bits } = depths;
+    let sharpest: Vec<f64> = bits.iter().map(|bits| bins.sharpest_px(bits)).collect();
+    let around = (most as usize + 2).div_ceil(side);
     // The depths that reach a block from the one so many columns and rows away.
-    let reach = |dx: usize, dy: usize| reaching(codes, s_focus, gap(0, dx).hypot(gap(0, dy)));
+    let reach = |dx: usize, dy: usize| reaching(gap(dx, side).hypot(gap(dy, side)));
     let masks: Vec<DepthBits> =
         (0..(around + 1).pow(2)).map(|i| reach(i % (around + 1), i / (around + 1))).collect();
     let of_block = |x: usize, y: usize| {
-        let near = |v: usize, n: usize| (v + pad).saturating_sub(around)..(v + pad + around + 1).min(n);
+        let near = |v: usize, n: usize| v.saturating_sub(around)..(v + around + 1).min(n);
         let mut least = most;
-        for by in near(y, bounds.down) {
-            for bx in near(x, bounds.across) {
-                let b = by * bounds.across + bx;
+        for by in near(y, *down) {
+            for bx in near(x, *across) {
+                let b = by * across + bx;
                 if sharpest[b] < least {
-                    let mask = &masks[by.abs_diff(y + pad) * (around + 1) + bx.abs_diff(x + pad)];
-                    least = least.min(bins.sharpest_px(&std::array::from_fn(|i| depths[b][i] & mask[i])));
+                    let mask = &masks[by.abs_diff(y) * (around + 1) + bx.abs_diff(x)];
+                    least = least.min(bins.sharpest_px(&std::array::from_fn(|i| bits[b][i] & mask[i])));
                 }
             }
         }
         least
     };
-    (0..columns * rows).into_par_iter().map(|b| of_block(b % columns, b / columns)).collect()
+    let ([left, above], [columns, rows]) = (blocks.first, blocks.extent);
+    (0..columns * rows).into_par_iter().map(|b| of_block(left + b % columns, above + b / columns)).collect()
 }
 
 #[cfg(test)]

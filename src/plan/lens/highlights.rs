@@ -252,7 +252,7 @@ fn may_be_hidden(h: &Highlight, span: [u16; 2], scene: &LayeredScene, plan: &Pla
     if (0..scene.layers.len()).any(|other| other != h.layer && scene.depths[other].hi[cell] >= span[0]) {
         return true;
     }
-    let (x, y) = (h.x + plan.padding.pad as i32, h.y + plan.padding.pad as i32);
+    let [x, y] = [(h.x, 0), (h.y, 1)].map(|(v, i)| v + plan.padding.pad[i] as i32);
     let own = codes.decode(f64::from(span[1]));
     let reach = codes.decode(f64::from(u16::MAX)) - own + 1.5;
     let blocks = |v: i32, n: usize| {

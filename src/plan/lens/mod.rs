@@ -26,7 +26,7 @@ use footprint::Footprint;
 use in_focus::InFocus;
 use lens_samples::LensSample;
 use optical_vignetting::PupilClip;
-use padding::Padding;
+use padding::{Margin, Padding};
 use std::collections::{BTreeMap, BTreeSet};
 use tiles::{Tile, Work, Works};
 
@@ -130,14 +130,14 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// The plan for one lens, of the tiles with these origins. The output averages `supersample` pixels along each axis,
+    /// The plan for one lens, of the tiles with these origins, in a frame with this margin. The output averages `supersample` pixels along each axis,
     /// so correspondingly fewer samples are enough.
     pub fn new(
         scene: &LayeredScene,
         optics: &Optics,
         settings: &Settings,
         supersample: usize,
-        (works, origins): (Works, Vec<(usize, usize)>),
+        (works, margin, origins): (Works, Margin, Vec<(usize, usize)>),
         simd: Simd,
     ) -> Plan {
         let s_focus = optics.k * optics.d_focus;
@@ -150,7 +150,7 @@ impl Plan {
         let aberrated = settings.aberrated.as_deref().cloned();
         let reaches = aberrated.as_ref().map(|own| Reaches::new(own, (scene.size.width, scene.size.height)));
         let all = reaches.as_ref().map_or(Bounds::default(), Reaches::all);
-        let padding = Padding::new(scene.size.width, scene.size.height, reach_px + all.offset_px);
+        let padding = Padding::new(scene.size.width, scene.size.height, reach_px + all.offset_px, margin);
         let bounds = padded_bounds::padded(&scene.bounds, &padding);
         // The samples draw highlights as well, but for what is taken out of the scene.
         let left = (reach_px + all.offset_px > in_focus::IN_FOCUS_PX).then(|| scene.highlights(simd));

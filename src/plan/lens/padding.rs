@@ -1,15 +1,25 @@
-//! The frame with a mirrored margin as wide as the largest circle of confusion, so that no ray leaves it.
+//! The frame with a mirrored margin as wide as the largest circle of confusion, so that no ray leaves it. Mirror images of
+//! mirror images are not laid out again.
 
 use crate::mirror::mirrored;
 use crate::scene::grid::{BLOCK, TILE};
+
+/// How far beyond its border the frame is laid out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Margin {
+    /// As far as any ray goes.
+    Reach,
+    /// As far as any ray goes, or until the mirror images repeat: then [`Padding::inside`] tells where they do.
+    Period,
+}
 
 /// The padded frame.
 #[derive(Debug, Clone, Copy)]
 pub struct Padding {
     pub width: usize,
     pub height: usize,
-    /// Mirrored pixels on every side; a multiple of [`BLOCK`].
-    pub pad: usize,
+    /// Mirrored columns and rows on every side; multiples of [`BLOCK`].
+    pub pad: [usize; 2],
     /// Cells from one padded row to the next; a multiple of [`BLOCK`].
     pub stride: usize,
     /// Number of padded rows.
@@ -17,35 +27,56 @@ pub struct Padding {
 }
 
 impl Padding {
-    pub fn new(width: usize, height: usize, reach_px: f64) -> Padding {
-        let pad = (reach_px.ceil() as usize + 2).next_multiple_of(BLOCK);
-        Padding {
-            width,
-            height,
-            pad,
-            stride: width.next_multiple_of(TILE.0) + 2 * pad,
-            rows: height.next_multiple_of(TILE.1) + 2 * pad,
-        }
+    pub fn new(width: usize, height: usize, reach_px: f64, margin: Margin) -> Padding {
+        let reach = reach_px.ceil() as usize + 2;
+        let whole = [width.next_multiple_of(TILE.0), height.next_multiple_of(TILE.1)];
+        let pad: [usize; 2] = std::array::from_fn(|i| {
+            // The mirror images repeat after twice the frame. A tile at any place of such a period is inside.
+            let period = 2 * [width, height][i] + [TILE.0, TILE.1][i];
+            let enough = match margin {
+                Margin::Reach => reach,
+                Margin::Period => reach.min((period.saturating_sub(whole[i])).div_ceil(2)),
+            };
+            enough.next_multiple_of(BLOCK)
+        });
+        Padding { width, height, pad, stride: whole[0] + 2 * pad[0], rows: whole[1] + 2 * pad[1] }
+    }
+
+    /// The cell that shows the same as `cell` from each pixel of the tile at `origin`, and is inside the padded frame: one
+    /// whole period of mirror images farther to some side, or several, where `cell` is not inside itself.
+    #[inline(always)]
+    pub fn inside(&self, origin: (usize, usize), cell: [i32; 2]) -> [i32; 2] {
+        let along = |i: usize, origin: usize, extent: usize, tile: usize, period: usize| {
+            let place = (origin + self.pad[i]) as i32 + cell[i];
+            if place >= 0 && place as usize + tile <= extent {
+                return cell[i];
+            }
+            place.rem_euclid(period as i32) - (origin + self.pad[i]) as i32
+        };
+        [
+            along(0, origin.0, self.stride, TILE.0, 2 * self.width),
+            along(1, origin.1, self.rows, TILE.1, 2 * self.height),
+        ]
     }
 
     /// Index of pixel `(x, y)` of the frame in the padded arrays.
     pub fn index(&self, x: usize, y: usize) -> usize {
-        (y + self.pad) * self.stride + x + self.pad
+        (y + self.pad[1]) * self.stride + x + self.pad[0]
     }
 
     /// The frame column that padded column `px` shows, and whether it is mirrored.
     pub fn column(&self, px: usize) -> (usize, bool) {
-        mirrored(px as i64 - self.pad as i64, self.width)
+        mirrored(px as i64 - self.pad[0] as i64, self.width)
     }
 
     /// The frame row that padded row `py` shows, and whether it is mirrored.
     pub fn row(&self, py: usize) -> (usize, bool) {
-        mirrored(py as i64 - self.pad as i64, self.height)
+        mirrored(py as i64 - self.pad[1] as i64, self.height)
     }
 
     /// The padded columns that show frame column `x`, and whether they are mirrored.
     pub fn columns_of(&self, x: usize) -> impl Iterator<Item = (usize, bool)> {
-        images(x, self.width, self.pad, self.stride)
+        images(x, self.width, self.pad[0], self.stride)
     }
 }
 
@@ -65,6 +96,34 @@ pub fn images(i: usize, n: usize, pad: usize, extent: usize) -> impl Iterator<It
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn cells_inside_show_the_same(
+            size in (1usize..300, 1usize..300),
+            tile in (0.0..1.0f64, 0.0..1.0f64),
+            cell in (-16384i32..=16384, -16384i32..=16384),
+            reach in 0.0..16384.0f64,
+        ) {
+            let padding = Padding::new(size.0, size.1, reach, Margin::Period);
+            let cell = [cell.0, cell.1].map(|c| c.clamp(-reach as i32 - 1, reach as i32 + 1));
+            let place = |share: f64, n: usize, tile: usize| (share * n.div_ceil(tile) as f64) as usize * tile;
+            let origin = (place(tile.0, size.0, TILE.0), place(tile.1, size.1, TILE.1));
+            let [dx, dy] = padding.inside(origin, cell);
+            let shown = |first: usize, by: i32, n: usize| mirrored(first as i64 + i64::from(by), n);
+            for (x, y) in [(0, 0), (TILE.0 - 1, TILE.1 - 1)] {
+                prop_assert_eq!(shown(origin.0 + x, dx, size.0), shown(origin.0 + x, cell[0], size.0));
+                prop_assert_eq!(shown(origin.1 + y, dy, size.1), shown(origin.1 + y, cell[1], size.1));
+                let at = |first: usize, by: i32, pad: usize| (first + pad) as i64 + i64::from(by);
+                prop_assert!((0..padding.stride as i64).contains(&at(origin.0 + x, dx, padding.pad[0])));
+                prop_assert!((0..padding.rows as i64).contains(&at(origin.1 + y, dy, padding.pad[1])));
+            }
+            let reaches_all = Padding::new(size.0, size.1, reach, Margin::Reach);
+            prop_assert_eq!(reaches_all.inside(origin, cell), cell);
+            prop_assert!(padding.stride <= 2 * size.0 + 3 * TILE.0 && padding.rows <= 2 * size.1 + 3 * TILE.1);
+        }
+    }
 
     #[test]
     fn images_are_where_the_mirror_shows_them() {

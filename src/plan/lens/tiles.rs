@@ -120,12 +120,16 @@ fn blocks_around(
     origin: (usize, usize),
     margin: usize,
 ) -> impl Iterator<Item = (usize, usize)> {
-    let range = |v: usize, side: usize, n: usize| {
-        let first = (v + padding.pad).saturating_sub(margin) / BLOCK;
-        first..((v + padding.pad + side + margin).div_ceil(BLOCK)).min(n / BLOCK)
+    let range = |first: usize, side: usize, n: usize| {
+        // What is beyond shows the same as what is inside, at some other place.
+        if margin > first || first + side + margin > n {
+            return 0..n / BLOCK;
+        }
+        (first - margin) / BLOCK..(first + side + margin).div_ceil(BLOCK)
     };
-    let columns = range(origin.0, TILE.0, padding.stride);
-    range(origin.1, TILE.1, padding.rows).flat_map(move |by| columns.clone().map(move |bx| (bx, by)))
+    let columns = range(origin.0 + padding.pad[0], TILE.0, padding.stride);
+    let rows = range(origin.1 + padding.pad[1], TILE.1, padding.rows);
+    rows.flat_map(move |by| columns.clone().map(move |bx| (bx, by)))
 }
 
 /// The origins of all tiles of a frame, in the order of rows.
@@ -153,7 +157,7 @@ pub fn plan(
         (0..=largest as usize + 3).map(|distance| reaching(codes, s_focus, distance as f64)).collect();
 
     let plan_tile = |origin: (usize, usize)| {
-        let (x0, y0) = (origin.0 + padding.pad, origin.1 + padding.pad);
+        let (x0, y0) = (origin.0 + padding.pad[0], origin.1 + padding.pad[1]);
         let (x1, y1) = (x0 + TILE.0, y0 + TILE.1);
         let mut occupied = [0u64; 4];
         let (mut reach, mut steepest, mut brightest) = (0.0f64, Some(0u16), 1.0f32);

@@ -18,6 +18,7 @@ mod views;
 mod waves;
 mod window;
 
+pub use met::ADJOINT_REACH_PX;
 pub use shifts::of_shifts;
 
 use super::frame::Frame;
@@ -29,6 +30,7 @@ use crate::memory::Buffer;
 use crate::optics::Optics;
 use crate::picture::Size;
 use crate::plan::lens::Settings;
+use crate::plan::lens::padding::Margin;
 use crate::plan::lens::tiles::{Tile, Works};
 use crate::scene::origins::{Form, Origin, Origins};
 use crate::simd::Simd;
@@ -52,7 +54,7 @@ pub fn adjoint(
 ) -> Result<Buffer<f32>> {
     let size = input.picture.size;
     let settings = settings.at_full_resolution();
-    let frame = Frame::new(input, optics, &settings, Works::Least, simd, cancel)?;
+    let frame = Frame::new(input, optics, &settings, (Works::Least, Margin::Reach), simd, cancel)?;
     let guide = Group { sharpening: Sharpening::Guided, ..Group::of_picture(input, &frame.highlights) };
     let layers = input.scene.layers.len();
     let targets = [Target::Given, Target::Level].into_iter().chain((0..layers).map(Target::Swept));

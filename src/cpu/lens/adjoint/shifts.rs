@@ -14,6 +14,7 @@ use crate::optics::Optics;
 use crate::picture::Size;
 use crate::plan::lens::Settings;
 use crate::plan::lens::footprint::{self, Footprint};
+use crate::plan::lens::padding::Margin;
 use crate::plan::lens::tiles::{Tile, Works};
 use crate::scene::colors::Colors;
 use crate::scene::depth_spans::{self, Cell};
@@ -31,7 +32,7 @@ pub fn of_shifts(
     cotangent: &[f32],
 ) -> Result<Vec<Buffer<f32>>> {
     let size = input.picture.size;
-    let mut frame = Frame::new(input, optics, settings, Works::Sweeps, simd, cancel)?;
+    let mut frame = Frame::new(input, optics, settings, (Works::Sweeps, Margin::Reach), simd, cancel)?;
     let group = Group::of_picture(input, &frame.highlights);
     // Widening takes away texture, which moves; the noise of few samples has no mean.
     frame.footprint = Footprint::new(frame.padded.reach_px, |_| 1, |_, _| 0.0, None);

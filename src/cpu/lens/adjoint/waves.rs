@@ -26,8 +26,8 @@ pub fn in_waves<S: Send>(
     sums: &mut Sums,
     mut add: impl FnMut(Light),
 ) -> Result<()> {
-    let pad = frame.padded.padding.pad;
-    let around = (TILE.0 + 2 * pad) * (TILE.1 + 2 * pad);
+    let [across, down] = frame.padded.padding.pad;
+    let around = (TILE.0 + 2 * across) * (TILE.1 + 2 * down);
     let wave = (CELLS / around).clamp(*TILES.start(), *TILES.end());
     // A scratch is large, so one serves as many tiles as possible.
     let idle = Mutex::new(Vec::new());

@@ -32,8 +32,8 @@ pub struct Region {
 impl Region {
     /// The cells that are at most `reach` columns or rows away from the tile at `origin`, as far as the frame is padded.
     pub fn new(padding: &Padding, origin: (usize, usize), reach: usize) -> Region {
-        let margin = reach.min(padding.pad);
-        let first = (origin.0 + padding.pad - margin, origin.1 + padding.pad - margin);
+        let margin = reach.min(padding.pad[0]).min(padding.pad[1]);
+        let first = (origin.0 + padding.pad[0] - margin, origin.1 + padding.pad[1] - margin);
         Region { stride: TILE.0 + 2 * margin, margin, rows: TILE.1 + 2 * margin, first }
     }
 
@@ -100,7 +100,7 @@ impl Sums {
         planes.into_par_iter().for_each(|(target, c, plane)| {
             for Window { region, planes, .. } in windows.iter().filter(|window| window.target == target) {
                 let columns = region.first.0..region.first.0 + region.stride;
-                let frame = padding.pad..padding.pad + width;
+                let frame = padding.pad[0]..padding.pad[0] + width;
                 let inside =
                     columns.start.clamp(frame.start, frame.end)..columns.end.clamp(frame.start, frame.end);
                 let rows = planes[c].chunks_exact(region.stride).take(region.rows);
@@ -108,7 +108,7 @@ impl Sums {
                     let into = &mut plane[padding.row(py).0 * width..][..width];
                     let of = |px: usize| row[px - columns.start];
                     let own = &row[inside.start - columns.start..inside.end - columns.start];
-                    let within = &mut into[inside.start - padding.pad..inside.end - padding.pad];
+                    let within = &mut into[inside.start - frame.start..inside.end - frame.start];
                     within.iter_mut().zip(own).for_each(|(into, v)| *into += v);
                     let outside = (columns.start..inside.start).chain(inside.end..columns.end);
                     outside.for_each(|px| into[padding.column(px).0] += of(px));
