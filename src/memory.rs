@@ -239,8 +239,9 @@ mod tests {
             let words = store.take(10).0.unwrap_or_else(|| vec![0; 10]);
             assert!(store.keep(words).is_empty());
         }
-        let words = store.take(10).0.unwrap();
-        assert_eq!(store.keep(words).iter().map(|idle| idle.words.len()).collect::<Vec<_>>(), [1000]);
+        let (words, freed) = store.take(10);
+        assert_eq!(freed.iter().map(|idle| idle.words.len()).collect::<Vec<_>>(), [1000]);
+        assert!(store.keep(words.unwrap()).is_empty());
         assert_eq!(store.idle.len(), 1);
     }
 

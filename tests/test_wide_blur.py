@@ -134,11 +134,38 @@ def test_mirror_images_of_mirror_images_are_those_of_a_larger_frame(shape, reach
         return a
 
     once, larger = (
-        render(mirrored(color, n), mirrored(shift, n), resolution="full", views=256)
-        for n in (1, 4)
+        render(mirrored(color, n), mirrored(shift, n), resolution="full", views=256) for n in (1, 4)
     )
     # Mixed pixels at the border of a frame see less around them than inside.
     assert_allclose(larger[: 2 * height, : 2 * width], once, atol=0.01)
+
+
+@pytest.mark.parametrize("reach_px", [100.0, 900.0])
+def test_gpu_and_cpu_agree_on_blur_that_is_wider_than_the_picture(gpu, reach_px):
+    rng = np.random.default_rng(8)
+    color = rng.random((96, 130, 3)).astype(np.float32)
+    shift = np.where(rng.random((12, 17)) < 0.3, 0.2, 1.0) * reach_px
+    disparity = (0.5 + shift.repeat(8, 0).repeat(8, 1)[:, :130] / 1000.0).astype(np.float32)
+    lens = dofsim.Lens.from_disparity(strength_px=1000.0, focus=0.5)
+    on_gpu, on_cpu = (
+        dofsim.render(
+            color, disparity, lens, depth_kind="disparity", device=device, resolution="full", views=64
+        )
+        for device in (gpu, "cpu")
+    )
+    assert_allclose(on_gpu, on_cpu, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "asked", [{"resolution": "full"}, {"lens": LENS.replace(cat_eye=0.5)}, {"layers": 2}], ids=str
+)
+def test_a_radius_that_is_too_large_for_full_resolution_is_refused(asked):
+    shift = np.full((24, 30), 3000.0)
+    color = np.ones((24, 30, 4))
+    if asked.pop("layers", 1) == 2:
+        color, shift = np.stack([0.5 * color, color]), np.stack([shift, shift - 1.0])
+    with pytest.raises(ValueError, match=r"radii of up to 3000 px; of more than 2048 px.*max_coc_px"):
+        render(color, shift, **asked)
 
 
 @pytest.mark.parametrize("option", ["half", 1])

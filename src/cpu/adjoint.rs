@@ -7,7 +7,7 @@ use crate::memory::Buffer;
 use crate::method::Method;
 use crate::optics::Optics;
 use crate::picture::{Picture, Size};
-use crate::plan::lens::{Settings, reach_px};
+use crate::plan::lens::{Settings, check_full_resolution, reach_px};
 use crate::rows::with_channels;
 use crate::scene::layered::LayeredScene;
 use crate::scene::origins::Origins;
@@ -109,14 +109,7 @@ impl Exposure<'_> {
         let picture = scene.mapped(&imaging.disparity_map());
         let (optics, settings) = settings.leaning(imaging, &imaging.optics_of(1))?;
         let layered = scene.layered(&picture, &optics, simd, cancel)?;
-        let reach_px = reach_px(&layered, optics.k * optics.d_focus);
-        if reach_px > lens::ADJOINT_REACH_PX {
-            return Err(value_error!(
-                "gradients are for circles of confusion of at most {} px; the largest here is {reach_px:.0} px. Use a \
-                 smaller aperture, or correct depths that are too near",
-                lens::ADJOINT_REACH_PX
-            ));
-        }
+        check_full_resolution(reach_px(&layered, optics.k * optics.d_focus))?;
         let origins = scene.origins(&picture, &optics, simd, cancel)?;
         Ok(Prepared { picture, layered, origins, optics, settings, weights: planes(&full, size) })
     }

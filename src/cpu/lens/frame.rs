@@ -23,7 +23,7 @@ use crate::plan::lens::lens_samples::LensSample;
 use crate::plan::lens::optical_vignetting::PupilClip;
 use crate::plan::lens::padding::Margin;
 use crate::plan::lens::tiles::{self, Tile, Works};
-use crate::plan::lens::{Missed, Plan, Resolution, Settings};
+use crate::plan::lens::{Missed, Plan, Resolution, Settings, check_full_resolution};
 use crate::scene::coarser::Coarser;
 use crate::scene::colors::Colors;
 use crate::scene::depth_bounds::DepthBits;
@@ -100,9 +100,12 @@ impl<'a> Frame<'a> {
         cancel.check()?;
         // What a lens does differently at every place is not known at another scale.
         let is_even = settings.second_stop.is_none() && settings.aberrated.is_none();
-        let may_be = works == Works::Least && settings.resolution == Resolution::Adaptive;
-        let detail =
-            (may_be && is_even && Coarser::exists(scene)).then(|| Detail::new(&plan, &scene.codes)).flatten();
+        let is_asked = works == Works::Least && settings.resolution == Resolution::Adaptive;
+        let may_be = is_asked && is_even && Coarser::exists(scene);
+        if !may_be {
+            check_full_resolution(plan.reach_px)?;
+        }
+        let detail = may_be.then(|| Detail::new(&plan, &scene.codes)).flatten();
         let scenes = detail.map(Scenes::finest);
         Frame::of_plan(scene, plan, (highlights, scenes), settings, simd, cancel)
     }

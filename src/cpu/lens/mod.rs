@@ -40,7 +40,7 @@ use crate::plan::lens::tiles::Works;
 use crate::rows::{interleave, interleave_among, with_channels};
 use crate::scene::grid::TILE;
 use crate::simd::Simd;
-pub use adjoint::{ADJOINT_REACH_PX, adjoint, by_pixel, of_shifts};
+pub use adjoint::{adjoint, by_pixel, of_shifts};
 pub use group::Input;
 
 use aberrated_highlights::AberratedLight;

@@ -27,7 +27,7 @@ use crate::plan::lens::highlights::Highlights;
 use crate::plan::lens::optical_vignetting::PupilClip;
 use crate::plan::lens::padding::Margin;
 use crate::plan::lens::tiles::{self, Work, Works};
-use crate::plan::lens::{Plan, Settings, reach_px};
+use crate::plan::lens::{Plan, Settings, check_full_resolution, reach_px};
 use crate::scene::grid::{BLOCK, TILE};
 use crate::scene::layered::LayeredScene;
 use crate::simd::Simd;
@@ -89,6 +89,7 @@ pub fn render(
 ) -> Result<wgpu::Buffer> {
     let Input { scene, cells, .. } = *input;
     let size = scene.size;
+    check_full_resolution(reach_px(scene, optics.k * optics.d_focus))?;
     let works = (Works::Least, Margin::Period, tiles::origins(size.width, size.height));
     let plan = Plan::new(scene, optics, settings, input.supersample, works, simd);
     cancel.check()?;

@@ -16,7 +16,7 @@ pub(crate) mod ray;
 pub(crate) mod tiles;
 
 use crate::aperture::Aperture;
-use crate::error::Result;
+use crate::error::{Result, value_error};
 use crate::optics::{Imaging, Optics, SecondStop, Transverse};
 use crate::scene::depth_bounds::DepthBounds;
 use crate::scene::layered::LayeredScene;
@@ -103,6 +103,22 @@ pub enum Missed {
 /// The largest shift of any cell, in front of the focus plane or behind it.
 pub fn reach_px(scene: &LayeredScene, s_focus: f64) -> f64 {
     (scene.shifts.0 - s_focus).abs().max((scene.shifts.1 - s_focus).abs())
+}
+
+/// The largest radius that is rendered in the picture's own cells alone, in pixels.
+pub const FULL_RESOLUTION_PX: f64 = 2048.0;
+
+/// Refuses a radius that is too large for the picture's own cells.
+pub fn check_full_resolution(reach_px: f64) -> Result<()> {
+    if reach_px <= FULL_RESOLUTION_PX {
+        return Ok(());
+    }
+    Err(value_error!(
+        "the circles of confusion have radii of up to {reach_px:.0} px; of more than {FULL_RESOLUTION_PX} px they are for \
+         device=\"cpu\" and resolution=\"adaptive\", for color of one layer without alpha below 1 and without holdout, for a \
+         lens without cat_eye, coma, astigmatism, barn_doors and psf, and have no gradients. Pass max_coc_px to bound the \
+         radius, use a smaller aperture, or correct depths that are too near"
+    ))
 }
 
 /// The plan of one render.

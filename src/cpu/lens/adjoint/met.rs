@@ -1,8 +1,5 @@
 //! What a ray meets, as a number.
 
-/// The largest circle of confusion of which gradients are known, in pixels.
-pub const ADJOINT_REACH_PX: f64 = 2048.0;
-
 /// What a ray meets: a layer, and how many columns and rows its cell is away from the pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Met(u32);
@@ -11,7 +8,7 @@ impl Met {
     pub const NOTHING: Met = Met(u32::MAX);
     /// The pixel's own cell of the first layer.
     pub const OWN: Met = Met((Met::MIDDLE as u32) << Met::BITS | Met::MIDDLE as u32);
-    /// A cell is at most [`ADJOINT_REACH_PX`] columns or rows and those of its span away.
+    /// A cell is at most [`FULL_RESOLUTION_PX`](crate::plan::lens::FULL_RESOLUTION_PX) columns or rows and those of its span away.
     const BITS: u32 = 13;
     const MIDDLE: i32 = 1 << (Met::BITS - 1);
 

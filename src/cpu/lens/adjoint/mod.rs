@@ -18,7 +18,6 @@ mod views;
 mod waves;
 mod window;
 
-pub use met::ADJOINT_REACH_PX;
 pub use shifts::of_shifts;
 
 use super::frame::Frame;
