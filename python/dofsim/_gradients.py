@@ -109,16 +109,18 @@ def vjp(
     weights = _weights(cotangent, color, overscan, supersample)
     gradients = _dofsim._Gradients(scene, lens, weights, **words)
     found: dict[str, Any] = {}
-    if not {"color", "alpha"}.isdisjoint(names):
-        by_color = gradients.by_color()
+    by_color, by_depth = gradients.find(
+        not {"color", "alpha"}.isdisjoint(names), not set(names) <= {"color", "alpha"}
+    )
+    if by_color is not None:
         by_color = by_color.reshape(color.shape).astype(color.dtype, copy=False)
         found["color"] = by_color
         if "alpha" in names:
             if color.ndim < 3 or color.shape[2] != 4:
                 raise ValueError(f'wrt: "alpha" is the last of 4 channels of color; got shape {color.shape}')
             found["alpha"] = by_color[..., 3]
-    if not set(names) <= {"color", "alpha"}:
-        by_disparity, by_log_strength, by_focus = gradients.by_depth()
+    if by_depth is not None:
+        by_disparity, by_log_strength, by_focus = by_depth
         settings = _settings(lens)
         for name in names:
             if name in _STRENGTHS:

@@ -39,7 +39,7 @@ use crate::plan::lens::tiles::Works;
 use crate::rows::{interleave, interleave_among, with_channels};
 use crate::scene::grid::TILE;
 use crate::simd::Simd;
-pub use adjoint::{adjoint, by_pixel, of_shifts};
+pub use adjoint::{Asked, Derivatives, adjoint, by_pixel};
 pub use group::Input;
 
 use aberrated_highlights::AberratedLight;

@@ -73,6 +73,14 @@ impl Tile {
         }
     }
 
+    /// The share of what is swept in the result.
+    pub fn swept_share(&self) -> f32 {
+        match self.work {
+            Work::InFocus | Work::Disc => 0.0,
+            Work::Sweep { disc, in_focus, .. } => (1.0 - disc) * (1.0 - in_focus),
+        }
+    }
+
     /// The share of what is as in a tile in focus.
     pub fn share_in_focus(&self) -> f32 {
         match self.work {

@@ -1,5 +1,6 @@
 //! The cells around a tile, in arrays of their own: how the picture changes from each to the next, and what is added to them.
 
+use super::Asked;
 use super::met::Met;
 use super::views::Reach;
 use super::window::{Region, Target, Window};
@@ -8,19 +9,13 @@ use crate::cpu::lens::lanes::FLOATS;
 use crate::cpu::lens::padded_layer::PaddedLayer;
 use crate::scene::grid::TILE;
 
-/// What is added up.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Asked {
-    Colors,
-    ColorsAndShifts,
-}
-
 /// All layers around a tile.
 pub struct Around {
     channels: usize,
     asked: Asked,
     pub region: Region,
-    /// Whether the first column and row of the tile are those of the frame.
+    /// Whether the pixels in front of the first column and row of the tile are not swept, or beyond the frame: what lies
+    /// between these and the tile's is then the tile's.
     pub is_first: [bool; 2],
     pub layers: Vec<Layer>,
 }
@@ -86,14 +81,14 @@ impl Around {
     }
 
     /// Takes the cells that the tile at `origin` meets, and those beside them, with nothing added to them.
-    pub fn take(&mut self, frame: &Frame, origin: (usize, usize), reach: Reach) {
+    pub fn take(&mut self, frame: &Frame, (origin, is_first): ((usize, usize), [bool; 2]), reach: Reach) {
         // The cells beside them tell how the picture changes.
         self.region = Region::new(&frame.padded.padding, origin, reach.cells + 1);
-        self.is_first = [origin.0 == 0, origin.1 == 0];
+        self.is_first = is_first;
         let len = self.region.len();
         for (number, (layer, from)) in self.layers.iter_mut().zip(&frame.padded.layers).enumerate() {
             layer.sums = (reach.layers >> number & 1 != 0).then(|| Sums::new(self.channels, self.asked, len));
-            if layer.sums.is_some() && self.asked == Asked::ColorsAndShifts {
+            if layer.sums.is_some() && self.asked.shifts() {
                 layer.read(frame, &self.region, from, self.channels);
                 layer.find_borders(self.region.stride);
             }
@@ -108,20 +103,24 @@ impl Around {
         at.wrapping_add_signed(down as isize * self.region.stride as isize + across as isize)
     }
 
-    /// What has been added to the cells of each layer: the sums by colours, and behind these the one by shifts if it was asked
-    /// for.
+    /// What has been added to the cells of each layer: the sums by colours, and those by shifts if they were asked for.
     pub fn added(&mut self) -> impl Iterator<Item = Window> {
-        let Around { region, layers, .. } = self;
-        layers.iter_mut().enumerate().filter_map(|(number, layer)| {
-            let planes = layer.sums.take()?.into_planes(region.stride);
-            Some(Window { target: Target::Swept(number), region: *region, planes })
+        let Around { region, layers, asked, .. } = self;
+        let (region, asked) = (*region, *asked);
+        let sums =
+            layers.iter_mut().enumerate().filter_map(|(number, layer)| Some((number, layer.sums.take()?)));
+        sums.flat_map(move |(number, sums)| {
+            let (by_color, by_shift) = sums.into_planes(region.stride);
+            let colors = Window { target: Target::Swept(number), region, planes: by_color };
+            let shifts = Window { target: Target::Shifts(number), region, planes: vec![by_shift] };
+            std::iter::once(colors).chain(asked.shifts().then_some(shifts))
         })
     }
 }
 
 impl Sums {
     fn new(channels: usize, asked: Asked, len: usize) -> Sums {
-        let of_shifts = || vec![0.0; if asked == Asked::ColorsAndShifts { len } else { 0 }];
+        let of_shifts = || vec![0.0; if asked.shifts() { len } else { 0 }];
         Sums {
             by_color: vec![vec![0.0; len]; channels],
             by_border: [of_shifts(), of_shifts()],
@@ -129,17 +128,14 @@ impl Sums {
         }
     }
 
-    /// The planes; both cells at a border move it by half of their shift.
-    fn into_planes(self, stride: usize) -> Vec<Vec<f32>> {
-        let Sums { by_color: mut planes, by_border, mut by_shift } = self;
+    /// The planes by colours, and that by shifts; both cells at a border move it by half of their shift.
+    fn into_planes(self, stride: usize) -> (Vec<Vec<f32>>, Vec<f32>) {
+        let Sums { by_color, by_border, mut by_shift } = self;
         for (by_border, apart) in by_border.iter().zip([1, stride]) {
             by_shift.iter_mut().skip(apart).zip(by_border).for_each(|(sum, v)| *sum += 0.5 * v);
             by_shift.iter_mut().zip(by_border).for_each(|(sum, v)| *sum += 0.5 * v);
         }
-        if !by_shift.is_empty() {
-            planes.push(by_shift);
-        }
-        planes
+        (by_color, by_shift)
     }
 }
 

@@ -16,6 +16,18 @@ pub enum Target {
     Level,
     /// Cells of a layer in a sweep.
     Swept(usize),
+    /// The shifts of the cells of a layer.
+    Shifts(usize),
+}
+
+impl Target {
+    /// The planes of a picture of so many channels.
+    fn planes(self, channels: usize) -> usize {
+        match self {
+            Target::Given | Target::Level | Target::Swept(_) => channels,
+            Target::Shifts(_) => 1,
+        }
+    }
 }
 
 /// The cells around a tile.
@@ -75,15 +87,16 @@ pub struct Sums {
 }
 
 impl Sums {
-    /// Zeros; the channels of `size` are the planes of each target.
+    /// Zeros.
     pub fn new(size: Size, targets: impl IntoIterator<Item = Target>) -> Sums {
-        let zeros = || Buffer::full(size.pixels() * size.channels, 0.0);
-        Sums { size, targets: targets.into_iter().map(|target| (target, zeros())).collect() }
+        let zeros = |target: Target| Buffer::full(size.pixels() * target.planes(size.channels), 0.0);
+        Sums { size, targets: targets.into_iter().map(|target| (target, zeros(target))).collect() }
     }
 
-    /// The sums of each target, in the order in which they were asked for.
-    pub fn into_planes(self) -> impl Iterator<Item = Buffer<f32>> {
-        self.targets.into_iter().map(|(_, planes)| planes)
+    /// Takes the sums of a target out, which must be there.
+    pub fn take(&mut self, target: Target) -> Buffer<f32> {
+        let at = self.targets.iter().position(|(own, _)| *own == target).expect("the target is summed up");
+        self.targets.swap_remove(at).1
     }
 
     /// Adds windows, in their order. What lies beyond the border is the mirror image of what is added to.
