@@ -12,6 +12,7 @@ mod highlights;
 mod in_focus;
 mod met;
 mod own_shifts;
+mod plane_set;
 mod scratch;
 mod sharpening;
 mod shifts;

@@ -28,7 +28,7 @@ pub fn adjoint(
         });
         let at = y * TILE.0 + x;
         let channels = cotangent.planes.iter().zip(&slopes.planes);
-        windows[window].planes[0][region.index(x, y)] =
+        windows[window].planes.plane_mut(0)[region.index(x, y)] =
             channels.map(|(cotangent, slopes)| cotangent[at] * slopes[at]).sum();
     }
     windows

@@ -1,7 +1,7 @@
 //! What tiles are worked on with, one after another.
 
 use super::around::Around;
-use super::gather::{self, Gather};
+use super::gather;
 use super::highlights::{self, Light};
 use super::views::Views;
 use super::waves::{Beyond, read};
@@ -118,9 +118,7 @@ impl Scratch {
         around.take(frame, (tile.origin, is_first), views.reach);
         let samples = frame.samples(samples);
         with_channels!(size.channels, C => {
-            gather::visit(views, around, |gather: &mut Gather<C>, number, view| {
-                gather.add(frame.simd, view, asked.shifts().then(|| &samples[number]));
-            });
+            gather::add::<C>(views, around, frame.simd, samples, asked.shifts());
         });
     }
 }

@@ -1,5 +1,6 @@
 //! Planes of sums: those of the cells around a tile, and those of the whole frame.
 
+use super::plane_set::PlaneSet;
 use crate::cpu::lens::lanes::FLOATS;
 use crate::memory::Buffer;
 use crate::picture::Size;
@@ -70,13 +71,13 @@ impl Region {
 pub struct Window {
     pub target: Target,
     pub region: Region,
-    pub planes: Vec<Vec<f32>>,
+    pub planes: PlaneSet,
 }
 
 impl Window {
     /// So many planes of zeros.
     pub fn new(target: Target, region: Region, planes: usize) -> Window {
-        Window { target, region, planes: vec![vec![0.0; region.len()]; planes] }
+        Window { target, region, planes: PlaneSet::zeros(planes, region.len()) }
     }
 }
 
@@ -116,7 +117,7 @@ impl Sums {
                 let frame = padding.pad..padding.pad + width;
                 let inside =
                     columns.start.clamp(frame.start, frame.end)..columns.end.clamp(frame.start, frame.end);
-                let rows = planes[c].chunks_exact(region.stride).take(region.rows);
+                let rows = planes.plane(c).chunks_exact(region.stride).take(region.rows);
                 for (py, row) in (region.first.1..).zip(rows) {
                     let into = &mut plane[padding.row(py).0 * width..][..width];
                     let of = |px: usize| row[px - columns.start];
