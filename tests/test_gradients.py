@@ -208,6 +208,49 @@ def test_the_gradient_of_depth_on_a_surface_is_that_of_renders(scene):
         assert np.vdot(found, bump) == pytest.approx((ends[0] - ends[1]) / 8e-3, rel=0.05)
 
 
+# A wall and slopes gentle enough for exact discs, in focus and out of it, and one that is so in parts.
+DISCS = {"wall": (4.0, 4.0), "slope": (3.2, 4.5), "near": (1.5, 1.52), "partly swept": (1.5, 1.8)}
+
+
+@pytest.mark.parametrize("radius_px", [0.45, 2.0, 4.0, 10.0])
+@pytest.mark.parametrize("scene", DISCS)
+def test_gradients_of_exact_discs_are_differences_of_the_render_itself(scene, radius_px):
+    color, depth = wall(*DISCS[scene])
+    lens = blurred(LENS, depth, radius_px)
+    # Nothing is noise here: the usual lens points, and the step in which a loss is differentiated.
+    random = np.random.default_rng(3)
+    weights = ndi.gaussian_filter(random.standard_normal(color.shape), (1.0, 1.0, 0.0)).astype(np.float32)
+    names = ("aperture_radius", "focus_distance", "depth")
+    found = dofsim.vjp(color, depth, lens, weights, wrt=names)
+
+    def difference(change, step=1e-3):
+        ends = [dofsim.render(color, *change(by), device="cpu").astype(float) for by in (step, -step)]
+        along = (ends[0] - ends[1]) / (2.0 * step)
+        return np.vdot(along, weights), np.linalg.norm(along) * np.linalg.norm(weights)
+
+    for name in ("aperture_radius", "focus_distance"):
+        value = getattr(lens, name)
+        expected, scale = difference(
+            lambda by, name=name, value=value: (depth, lens.replace(**{name: value * (1.0 + by)}))
+        )
+        assert found[name] * value == pytest.approx(expected, rel=0.01, abs=2e-3 * scale)
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    for cx, cy in ((45, 50), (64, 32), (95, 20)):
+        bump = depth * np.exp(-((x - cx) ** 2 + (y - cy) ** 2) / (2.0 * 10.0**2))
+        expected, scale = difference(lambda by, bump=bump: (depth + by * bump, lens))
+        assert np.vdot(found["depth"], bump) == pytest.approx(expected, rel=0.01, abs=2e-3 * scale)
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_what_is_asked_for_together_is_what_is_asked_for_alone(scene):
+    color, depth = SCENES[scene]()
+    lens = blurred(LENS, depth, 8.0)
+    wrt = ("color", "disparity", "aperture_radius", "focus_distance")
+    together = dofsim.vjp(color, depth, lens, color, wrt=wrt)
+    for name in wrt:
+        np.testing.assert_array_equal(together[name], dofsim.vjp(color, depth, lens, color, wrt=name)[name])
+
+
 def test_the_rim_of_what_is_near_moves_over_what_is_behind():
     # Of even colours, nothing else changes with depth.
     y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]

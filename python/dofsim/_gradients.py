@@ -39,9 +39,8 @@ def vjp(
 ) -> dict[str, Any]:
     """Return how a weighted sum of the rendered picture changes with the picture, its depth and the lens.
 
-    This is the product of a vector and the Jacobian of `render` with ``method="lens"``, for reverse-mode
-    differentiation: if `cotangent` is the gradient of a loss by the rendered picture, what is returned is its
-    gradient by each argument. It is computed on the CPU, and does not depend on the number of threads.
+    The sum is that of the picture by `render` with ``method="lens"``, on the CPU. If the weights are the
+    gradient of a loss by the picture, what is returned is its gradient by each argument.
 
     Parameters
     ----------
@@ -70,7 +69,8 @@ def vjp(
     Returns
     -------
     dict of str to ndarray or float
-        The derivative by each argument in `wrt`: an array of its shape in its dtype, or a number.
+        The derivative by each name in `wrt`: an array of the argument's shape and dtype, or a number. No bit
+        depends on the number of threads.
 
     Raises
     ------
@@ -79,14 +79,12 @@ def vjp(
 
     Notes
     -----
-    For colours this is the exact adjoint of what `render` does with ``guide=color``: how mixed pixels are
-    taken apart, what is filled in behind them, which cells are highlights and how far cells are sharpened are
-    weights, which are not differentiated.
+    For colours this is the exact adjoint of what `render` does with ``guide=color``: what the colours decide
+    themselves, such as how mixed pixels are taken apart, is not differentiated.
 
-    Depth and lens move what each lens point sees. On a surface, that is the gradient of its picture along the
-    ray; at a silhouette, the rim of the nearer surface moves over what is behind it. Tiles that `render`
-    draws as exact discs are swept here. Of highlights the discs change with depth, but not what hides them.
-    How depth decides what is an edge is not differentiated.
+    Depth and lens move what each lens point sees: along a surface, and at silhouettes the rim of the nearer
+    surface over what is behind it. Exact discs grow. Which pixels are an edge, and what hides a highlight,
+    stays.
 
     Examples
     --------
@@ -109,16 +107,18 @@ def vjp(
     weights = _weights(cotangent, color, overscan, supersample)
     gradients = _dofsim._Gradients(scene, lens, weights, **words)
     found: dict[str, Any] = {}
-    if not {"color", "alpha"}.isdisjoint(names):
-        by_color = gradients.by_color()
+    by_color, by_depth = gradients.find(
+        not {"color", "alpha"}.isdisjoint(names), not set(names) <= {"color", "alpha"}
+    )
+    if by_color is not None:
         by_color = by_color.reshape(color.shape).astype(color.dtype, copy=False)
         found["color"] = by_color
         if "alpha" in names:
             if color.ndim < 3 or color.shape[2] != 4:
                 raise ValueError(f'wrt: "alpha" is the last of 4 channels of color; got shape {color.shape}')
             found["alpha"] = by_color[..., 3]
-    if not set(names) <= {"color", "alpha"}:
-        by_disparity, by_log_strength, by_focus = gradients.by_depth()
+    if by_depth is not None:
+        by_disparity, by_log_strength, by_focus = by_depth
         settings = _settings(lens)
         for name in names:
             if name in _STRENGTHS:
@@ -143,7 +143,7 @@ def jvp(
 ) -> NDArray[Any]:
     """Return how the rendered picture changes along tangents of the picture, its depth and the lens.
 
-    This is the product of the Jacobian of `render` with ``method="lens"`` and a vector, on the CPU.
+    The picture is that of `render` with ``method="lens"``, on the CPU.
 
     Parameters
     ----------

@@ -21,4 +21,4 @@ pub use kernel::{Kernel, KernelRow};
 pub use opening::{Aperture, Feature};
 pub use picture::Picture;
 pub use profile::Side;
-pub use transfer::{EXCHANGED_PX, ROUNDING, exchange};
+pub use transfer::{EXCHANGED_PX, ROUNDING, exchange, exchange_slope};

@@ -102,6 +102,13 @@ pub fn exchange(loss: f32, t: f32) -> f32 {
     0.5 * (loss - loss * loss / 3.0)
 }
 
+/// By how much that weight rises with each pixel of shift.
+#[inline(always)]
+pub fn exchange_slope(loss: f32, t: f32) -> f32 {
+    let lost = (loss * t * t - ROUNDING).max(0.0);
+    if lost > 0.0 { loss * t * (1.0 - lost / 1.5) } else { 0.0 }
+}
+
 impl Aperture {
     /// The loss of contrast at a quarter of a cycle a pixel, to leading order, per squared pixel of radius, along each
     /// axis.

@@ -1,7 +1,8 @@
 //! How a weighted sum of a rendered picture changes with the picture, its depth and the lens.
 
+use super::lens::{self, Derivatives};
 use super::render::Exposure;
-use super::{falloff, lens, resolve};
+use super::{falloff, resolve};
 use crate::error::{Result, value_error};
 use crate::memory::Buffer;
 use crate::method::Method;
@@ -11,10 +12,18 @@ use crate::plan::lens::{Settings, check_full_resolution, reach_px};
 use crate::rows::with_channels;
 use crate::scene::layered::LayeredScene;
 use crate::scene::origins::Origins;
+pub use lens::Asked;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// How a weighted sum of a rendered picture changes.
+/// How a weighted sum of a rendered picture changes, as far as that was asked for.
+pub struct Gradients {
+    /// With each pixel of the picture, interleaved.
+    pub color: Option<Buffer<f32>>,
+    pub depth: Option<ByDepth>,
+}
+
+/// How a weighted sum of a rendered picture changes with depth and with the lens.
 pub struct ByDepth {
     /// With the disparity of each pixel.
     pub disparity: Buffer<f32>,
@@ -35,20 +44,25 @@ struct Prepared {
 }
 
 impl Exposure<'_> {
-    /// How the sum of the rendered picture, weighted by `cotangent`, changes with each pixel of the picture: both
-    /// interleaved, the one at the size of the output, the other at the picture's own. For the method `lens`, and pictures
-    /// of one layer.
-    pub fn by_color(&self, cotangent: &[f32]) -> Result<Buffer<f32>> {
-        let Prepared { picture, layered, origins, optics, settings, weights } = self.prepared(cotangent)?;
+    /// How the sum of the rendered picture, weighted by `cotangent`, changes. The weights are interleaved, at the size of the
+    /// output. For the method `lens`, and pictures of one layer.
+    pub fn gradients(&self, cotangent: &[f32], asked: Asked) -> Result<Gradients> {
         let Exposure { scene, simd, cancel, .. } = *self;
+        if asked != Asked::Colors {
+            self.check_lens()?;
+        }
+        let Prepared { picture, layered, origins, optics, settings, weights } = self.prepared(cotangent)?;
         let input = lens::Input { picture: &picture, scene: &layered, supersample: scene.supersample };
-        let found = lens::adjoint(&input, &origins, &optics, &settings, simd, cancel, &weights)?;
-        Ok(interleaved(&found, picture.size))
+        let Derivatives { colors, shifts } =
+            lens::adjoint(&input, &origins, &optics, &settings, (simd, cancel), &weights, asked)?;
+        let color = colors.map(|colors| interleaved(&colors, picture.size));
+        let depth = shifts.map(|shifts| by_depth(&layered, &optics, shifts, &origins));
+        Ok(Gradients { color, depth })
     }
 
-    /// How that sum changes with the depth of each pixel, and with the lens.
-    pub fn by_depth(&self, cotangent: &[f32]) -> Result<ByDepth> {
-        let Exposure { scene, imaging, simd, cancel, .. } = *self;
+    /// Refuses lenses whose gradients by depth are not known.
+    fn check_lens(&self) -> Result<()> {
+        let Exposure { scene, imaging, .. } = *self;
         let map = imaging.disparity_map();
         if scene.picture.layers.iter().any(|layer| !map.keeps(|| layer.disparity_range())) {
             return Err(value_error!(
@@ -61,21 +75,7 @@ impl Exposure<'_> {
                 "wrt: gradients of depth and of the lens are for a lens without cat_eye"
             ));
         }
-        let Prepared { picture, layered, origins, optics, settings, weights } = self.prepared(cotangent)?;
-        let input = lens::Input { picture: &picture, scene: &layered, supersample: scene.supersample };
-        let by_shift = lens::of_shifts(&input, &optics, &settings, simd, cancel, &weights)?;
-        let s_focus = optics.k * optics.d_focus;
-        let (mut log_k, mut focus) = (0.0, 0.0);
-        for (layer, by_shift) in layered.layers.iter().zip(&by_shift) {
-            for (s, v) in layer.s.iter().zip(&**by_shift).filter(|(s, _)| !s.is_nan()) {
-                log_k += f64::from(*v) * (f64::from(*s) - s_focus);
-                focus -= f64::from(*v);
-            }
-        }
-        let mut disparity = lens::by_pixel(picture.size, by_shift, &origins);
-        let k = optics.k as f32;
-        disparity.par_iter_mut().for_each(|v| *v *= k);
-        Ok(ByDepth { disparity, log_k, d_focus: optics.k * focus })
+        Ok(())
     }
 
     fn prepared(&self, cotangent: &[f32]) -> Result<Prepared> {
@@ -108,11 +108,31 @@ impl Exposure<'_> {
         }
         let picture = scene.mapped(&imaging.disparity_map());
         let (optics, settings) = settings.leaning(imaging, &imaging.optics_of(1))?;
-        let layered = scene.layered(&picture, &optics, simd, cancel)?;
+        let (layered, origins) = scene.layered_with_origins(&picture, &optics, simd, cancel)?;
         check_full_resolution(reach_px(&layered, optics.k * optics.d_focus))?;
-        let origins = scene.origins(&picture, &optics, simd, cancel)?;
         Ok(Prepared { picture, layered, origins, optics, settings, weights: planes(&full, size) })
     }
+}
+
+/// How a sum changes with depth and with the lens, from how it does with the shifts of cells.
+fn by_depth(
+    layered: &LayeredScene,
+    optics: &Optics,
+    by_shift: Vec<Buffer<f32>>,
+    origins: &Origins,
+) -> ByDepth {
+    let s_focus = optics.k * optics.d_focus;
+    let (mut log_k, mut focus) = (0.0, 0.0);
+    for (layer, by_shift) in layered.layers.iter().zip(&by_shift) {
+        for (s, v) in layer.s.iter().zip(&**by_shift).filter(|(s, _)| !s.is_nan()) {
+            log_k += f64::from(*v) * (f64::from(*s) - s_focus);
+            focus -= f64::from(*v);
+        }
+    }
+    let mut disparity = lens::by_pixel(layered.size, by_shift, origins);
+    let k = optics.k as f32;
+    disparity.par_iter_mut().for_each(|v| *v *= k);
+    ByDepth { disparity, log_k, d_focus: optics.k * focus }
 }
 
 /// Planes of interleaved pixels.

@@ -6,16 +6,18 @@ use super::lens::PyLens;
 use super::methods::read_method;
 use super::run::{detached, simd};
 use super::scene::PyScene;
-use crate::cpu::adjoint::ByDepth;
-use crate::cpu::render::Exposure;
+use crate::cpu::adjoint::{Asked, ByDepth, Gradients};
 use crate::method::Method;
 use crate::optics::Imaging;
 use crate::picture::Size;
 use crate::renderer::Renderer;
-use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn};
+use numpy::{PyArray1, PyArray2, PyArray3, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
+
+/// Derivatives by colours; and by disparities, the logarithm of the strength of the lens, and the disparity in focus.
+type Found<'py> = (Option<Bound<'py, PyArray3<f32>>>, Option<(Bound<'py, PyArray2<f32>>, f64, f64)>);
 
 /// A scene through a lens, and the weights of its picture.
 #[pyclass(name = "_Gradients", module = "dofsim._dofsim", frozen)]
@@ -26,22 +28,6 @@ pub struct PyGradients {
     threads: Option<usize>,
     size: Size,
     cotangent: Py<PyArrayDyn<f32>>,
-}
-
-impl PyGradients {
-    fn found<T: Send>(
-        &self,
-        py: Python<'_>,
-        of: impl FnOnce(&Exposure, &[f32]) -> crate::error::Result<T> + Send,
-    ) -> PyResult<T> {
-        let simd = simd()?;
-        let cotangent = self.cotangent.bind(py).readonly();
-        let cotangent = cotangent.as_slice()?;
-        detached(py, self.threads, |cancel| {
-            let of = |exposure: &Exposure| of(exposure, cotangent);
-            self.renderer.gradient(&self.imaging, &self.method, simd, cancel, of)
-        })
-    }
 }
 
 #[pymethods]
@@ -64,19 +50,28 @@ impl PyGradients {
         Ok(PyGradients { renderer, imaging, method: method.0, threads, size, cotangent })
     }
 
-    /// How the sum changes with `color`: an array like it in float32.
-    fn by_color<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let by_color = self.found(py, |exposure, weights| exposure.by_color(weights))?;
+    /// How the sum changes, as far as that is asked for: with `color`, an array like it in float32; with the disparity of each
+    /// pixel, with the logarithm of the lens's strength, and with the disparity in focus.
+    fn find<'py>(&self, py: Python<'py>, by_color: bool, by_depth: bool) -> PyResult<Found<'py>> {
+        let asked = match (by_color, by_depth) {
+            (true, true) => Asked::Both,
+            (false, true) => Asked::Shifts,
+            _ => Asked::Colors,
+        };
+        let simd = simd()?;
+        let cotangent = self.cotangent.bind(py).readonly();
+        let cotangent = cotangent.as_slice()?;
+        let Gradients { color, depth } = detached(py, self.threads, |cancel| {
+            self.renderer.gradient(&self.imaging, &self.method, simd, cancel, |exposure| {
+                exposure.gradients(cotangent, asked)
+            })
+        })?;
         let Size { height, width, channels } = self.size;
-        Ok(PyArray1::from_slice(py, &by_color).reshape([height, width, channels])?.into_any())
-    }
-
-    /// How the sum changes with the disparity of each pixel, with the logarithm of the lens's strength, and with the disparity
-    /// in focus.
-    fn by_depth<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, f64, f64)> {
-        let ByDepth { disparity, log_k, d_focus } =
-            self.found(py, |exposure, weights| exposure.by_depth(weights))?;
-        let Size { height, width, .. } = self.size;
-        Ok((PyArray1::from_slice(py, &disparity).reshape([height, width])?.into_any(), log_k, d_focus))
+        let color = color.map(|color| PyArray1::from_slice(py, &color).reshape([height, width, channels]));
+        let depth = depth.map(|ByDepth { disparity, log_k, d_focus }| {
+            let disparity = PyArray1::from_slice(py, &disparity).reshape([height, width])?;
+            PyResult::Ok((disparity, log_k, d_focus))
+        });
+        Ok((color.transpose()?, depth.transpose()?))
     }
 }

@@ -13,6 +13,7 @@ use super::highlights;
 use super::holdouts::{self, Held};
 use super::layer::{Role, SceneLayer, Surfaces};
 use super::one_layer;
+use super::origins::Origins;
 use super::shifts;
 use crate::cancel::Cancel;
 use crate::error::Result;
@@ -157,6 +158,18 @@ impl LayeredScene {
             highlights: OnceLock::new(),
         }
     }
+}
+
+/// The layers of a picture of one layer without holdouts, and where these come from; see [`build`].
+pub fn build_with_origins(
+    picture: &Picture,
+    lights: usize,
+    k: f64,
+    simd: Simd,
+    cancel: &Cancel,
+) -> Result<(LayeredScene, Origins)> {
+    let (surfaces, origins) = one_layer::layers_with_origins(picture, lights, k, simd, cancel)?;
+    Ok((LayeredScene::new(picture, surfaces, simd), origins))
 }
 
 /// The layers of a picture, whose first `lights` channels hold light, under a lens of strength `k` pixels per unit of

@@ -114,16 +114,27 @@ impl Scene {
         prepared(&self.layered, picture, optics.k, build)
     }
 
-    /// The pixels of which these layers are made. They are found again if the cached ones are for another lens.
-    pub(crate) fn origins(
+    /// The same layers, of a picture of one, and the pixels of which they are made. What is not at hand is found together.
+    pub(crate) fn layered_with_origins(
         &self,
         picture: &Arc<Picture>,
         optics: &Optics,
         simd: Simd,
         cancel: &Cancel,
-    ) -> Result<Arc<Origins>> {
-        let find = || one_layer::origins(picture, self.lights, optics.k, simd, cancel);
-        prepared(&self.origins, picture, optics.k, find)
+    ) -> Result<(Arc<LayeredScene>, Arc<Origins>)> {
+        check_radius(picture, optics)?;
+        let mut layered = None;
+        let find = || {
+            let (found, origins) = layered::build_with_origins(picture, self.lights, optics.k, simd, cancel)?;
+            layered = Some(found);
+            Ok(origins)
+        };
+        let origins = prepared(&self.origins, picture, optics.k, find)?;
+        let build = || match layered {
+            Some(found) => Ok(found),
+            None => layered::build(picture, self.lights, optics.k, simd, cancel),
+        };
+        Ok((prepared(&self.layered, picture, optics.k, build)?, origins))
     }
 }
 

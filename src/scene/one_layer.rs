@@ -5,9 +5,10 @@ use super::colors::Colors;
 use super::depth_noise::without_noise;
 use super::edges;
 use super::front_layer::FrontLayer;
-use super::inpaint;
+use super::half_plane::HalfPlane;
+use super::inpaint::{self, Hidden};
 use super::layer::{Role, SceneLayer, Surfaces};
-use super::matting::{Separated, unmix};
+use super::matting::{MixedPixel, Separated, unmix};
 use super::mixed_cells::{half_planes, split};
 use super::origins::{self, Origins, Traced};
 use super::recipe::Channels;
@@ -34,52 +35,38 @@ pub fn layers(
     let (size, groups) = (picture.size, &picture.carried[..]);
     let surface = FrontSurface::new(size, layer, k, simd);
     let frame = surface.frame(picture, layer, lights);
-    let colors = Colors::new(size, Arc::clone(&layer.color));
     let mixed = unmix(&frame, Separated::All, cancel)?;
-    let given = || groups.iter().map(|group| Colors::new(group.size, Arc::clone(&group.layers[0]))).collect();
+    let given = groups.iter().map(|group| Colors::new(group.size, Arc::clone(&group.layers[0]))).collect();
     if mixed.is_empty() {
-        let FrontSurface { s, connectivity } = surface;
-        let front = SceneLayer {
-            role: Role::Surface,
-            s: Arc::new(s),
-            colors,
-            carried: given(),
-            partial: Arc::default(),
-            connectivity: Arc::new(connectivity),
-        };
-        return Ok(Surfaces { layers: vec![front], opaque: true });
+        return Ok(surface.alone(picture, given));
     }
-    let partial = half_planes(&frame, &mixed);
     let values = carried::of_mixed(&frame, &mixed, groups);
     let hidden = inpaint::hidden(&frame, &surface.s, &mixed, Channels { groups, mixed: &values }, cancel)?;
-
-    let FrontSurface { mut s, connectivity } = surface;
-    let (front_colors, both) = split(&mixed, &mut s);
-    let back = both.iter().map(|m| (m.index, m.s_back, m.back));
-    let back = back.chain(hidden.iter().map(|h| (h.index, h.s, h.color)));
-    let back = SceneLayer::of_cells(size, back, carried::behind(groups, &mixed, &values, &hidden));
-    let front = SceneLayer {
-        role: Role::Surface,
-        s: Arc::new(s),
-        colors: colors.with(front_colors),
-        carried: carried::in_front(given(), &mixed, &values),
-        partial: Arc::new(partial),
-        connectivity: Arc::new(connectivity),
-    };
-    Ok(Surfaces { layers: vec![front, back], opaque: true })
+    let partial = half_planes(&frame, &mixed);
+    let in_front = carried::in_front(given, &mixed, &values);
+    let behind = carried::behind(groups, &mixed, &values, &hidden);
+    Ok(surface.separated(picture, (&mixed, partial), &hidden, [in_front, behind]))
 }
 
-/// Where the colours of the layers of a picture of one layer come from, which [`layers`] makes under the same lens.
-pub fn origins(picture: &Picture, lights: usize, k: f64, simd: Simd, cancel: &Cancel) -> Result<Origins> {
+/// The same layers of a picture that carries no channels, and where their colours come from.
+pub fn layers_with_origins(
+    picture: &Picture,
+    lights: usize,
+    k: f64,
+    simd: Simd,
+    cancel: &Cancel,
+) -> Result<(Surfaces, Origins)> {
     let layer = &picture.layers[0];
     let surface = FrontSurface::new(picture.size, layer, k, simd);
     let frame = surface.frame(picture, layer, lights);
     let mixed = unmix(&frame, Separated::All, cancel)?;
     if mixed.is_empty() {
-        return Ok(Origins::default());
+        return Ok((surface.alone(picture, Vec::new()), Origins::default()));
     }
     let of_mixed = origins::of_mixed(&frame, &mixed);
     let hidden = inpaint::hidden(&frame, &surface.s, &mixed, Traced { mixed: &of_mixed }, cancel)?;
+    let partial = half_planes(&frame, &mixed);
+    let surfaces = surface.separated(picture, (&mixed, partial), &hidden, [Vec::new(), Vec::new()]);
     let mut origins = Origins::default();
     for (m, [front, back]) in mixed.iter().zip(of_mixed) {
         // As in `split`.
@@ -91,7 +78,7 @@ pub fn origins(picture: &Picture, lights: usize, k: f64, simd: Simd, cancel: &Ca
         }
     }
     origins.behind.extend(hidden.into_iter().map(|h| (h.index, h.carried)));
-    Ok(origins)
+    Ok((surfaces, origins))
 }
 
 /// The visible surface of a picture of one layer.
@@ -111,5 +98,40 @@ impl FrontSurface {
         let FrontSurface { s, connectivity } = self;
         let known = &picture.edges;
         FrontLayer { known, ..FrontLayer::new(picture.size, lights, &layer.color, s, connectivity) }
+    }
+
+    /// The only layer of a scene in which no pixel shows two surfaces. It carries `carried`.
+    fn alone(self, picture: &Picture, carried: Vec<Colors>) -> Surfaces {
+        let colors = Colors::new(picture.size, Arc::clone(&picture.layers[0].color));
+        Surfaces { layers: vec![self.with(colors, carried, Vec::new())], opaque: true }
+    }
+
+    /// The surfaces in front and behind, of mixed pixels and hidden ones. They carry `carried`.
+    fn separated<L>(
+        mut self,
+        picture: &Picture,
+        (mixed, partial): (&[MixedPixel], Vec<(usize, HalfPlane)>),
+        hidden: &[Hidden<L>],
+        [in_front, behind]: [Vec<Colors>; 2],
+    ) -> Surfaces {
+        let size = picture.size;
+        let (front_colors, both) = split(mixed, &mut self.s);
+        let back = both.iter().map(|m| (m.index, m.s_back, m.back));
+        let back = back.chain(hidden.iter().map(|h| (h.index, h.s, h.color)));
+        let back = SceneLayer::of_cells(size, back, behind);
+        let colors = Colors::new(size, Arc::clone(&picture.layers[0].color)).with(front_colors);
+        Surfaces { layers: vec![self.with(colors, in_front, partial), back], opaque: true }
+    }
+
+    /// The layer of this surface.
+    fn with(self, colors: Colors, carried: Vec<Colors>, partial: Vec<(usize, HalfPlane)>) -> SceneLayer {
+        SceneLayer {
+            role: Role::Surface,
+            s: Arc::new(self.s),
+            colors,
+            carried,
+            partial: Arc::new(partial),
+            connectivity: Arc::new(self.connectivity),
+        }
     }
 }

@@ -6,7 +6,7 @@ use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::mirror::mirrored;
 use crate::picture::Size;
-use crate::plan::lens::disc::{APART, Surface, extent, position, range_of, share};
+use crate::plan::lens::disc::{APART, Surface, beside, extent, position, position_slope, share, share_slope};
 use crate::plan::lens::kernels::Kernels;
 use crate::rows::with_channels;
 use crate::scene::colors::Colors;
@@ -223,21 +223,68 @@ impl Gather<'_> {
                 around.fill(self.size, &self.colors, origin, reach.unwrap_or(0) as usize);
                 let discs: Vec<Disc> = kernels.map(|kernel| around.disc(kernel)).collect();
                 for x in strips {
-                    self.tilted_strip(around, (*steps.start(), &discs), origin, x, extent, out)?;
+                    let discs = (*steps.start(), &discs[..]);
+                    self.tilted_strip(around, discs, |_, p, step| share(p, step), (origin, x), extent, out)?;
                 }
             }
         }
         Ok(())
     }
 
-    /// Renders columns `x .. x + LANES` of a tile of varying depth. For each disc in turn, it adds the share of the
-    /// pixels that lie between this disc and its neighbours.
+    /// By how much each pixel of the tile at `origin` rises with its own shift: the discs between which it lies differ. Of
+    /// surfaces of one depth, `kernels` has those [beside] theirs.
+    pub fn slopes(
+        &self,
+        kernels: &Kernels,
+        origin: (usize, usize),
+        around: &mut RunningSums,
+        out: &mut TileColor,
+    ) -> Result<()> {
+        let extent = extent(self.size, origin);
+        let strips = (0..extent.0).step_by(LANES);
+        match Surface::new(self.s, self.size, self.s_focus, origin) {
+            Surface::Level(s) => {
+                let ends = beside(s);
+                let [less, more] = ends.map(|s| kernels.level(s));
+                around.fill(self.size, &self.colors, origin, less.reach.max(more.reach) as usize);
+                let discs = [around.disc(less), around.disc(more)];
+                let slope = 1.0 / (ends[1] - ends[0]);
+                out.planes.iter_mut().for_each(|plane| plane.fill(0.0));
+                for (x, y) in strips.flat_map(|x| (0..extent.1).map(move |y| (x, y))) {
+                    self.cancel.check()?;
+                    for (disc, toward) in discs.iter().zip([-slope, slope]) {
+                        self.simd.run(
+                            #[inline(always)]
+                            || add_shares(around, disc, (x, y), &[toward; LANES], out),
+                        );
+                    }
+                }
+            }
+            Surface::Tilted(steps) => {
+                let kernels = steps.clone().map(|step| self.kernels.get(step * APART));
+                let reach = kernels.clone().map(|kernel| kernel.reach).max();
+                around.fill(self.size, &self.colors, origin, reach.unwrap_or(0) as usize);
+                let discs: Vec<Disc> = kernels.map(|kernel| around.disc(kernel)).collect();
+                let slope = |s: f32, position: f64, step: i32| {
+                    let per_px = position_slope(f64::from(s) - self.s_focus) as f32;
+                    per_px * share_slope(position, step, *steps.end())
+                };
+                for x in strips {
+                    self.tilted_strip(around, (*steps.start(), &discs), slope, (origin, x), extent, out)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Sums up the discs in columns `x .. x + LANES` of a tile of varying depth: each in turn, by the shares of it that
+    /// pixels have of a shift and at a position. These lie between two discs.
     fn tilted_strip(
         &self,
         around: &RunningSums,
         (first, discs): (i32, &[Disc]),
-        origin: (usize, usize),
-        x: usize,
+        share: impl Fn(f32, f64, i32) -> f32,
+        (origin, x): ((usize, usize), usize),
         extent: (usize, usize),
         out: &mut TileColor,
     ) -> Result<()> {
@@ -248,12 +295,18 @@ impl Gather<'_> {
             let mut positions = [0.0f64; LANES];
             positions.iter_mut().zip(s).for_each(|(p, &s)| *p = position(s, self.s_focus));
             out.planes.iter_mut().for_each(|plane| plane[y * TILE.0 + x..][..LANES].fill(0.0));
-            for step in range_of(positions[..n].iter().copied()) {
-                let shares = positions.map(|p| share(p, step));
+            let lower = positions[..n].iter().map(|p| p.floor() as i32);
+            let (least, most) = lower.fold((i32::MAX, i32::MIN), |(lo, hi), p| (lo.min(p), hi.max(p)));
+            // A pixel at the last disc counts as between that one and the disc before it.
+            for step in (least - 1).max(first)..=(most + 1).min(first + discs.len() as i32 - 1) {
+                let disc = &discs[(step - first) as usize];
+                let mut shares = [0.0f32; LANES];
+                for (share_of, (s, p)) in shares.iter_mut().zip(s.iter().zip(positions)) {
+                    *share_of = share(*s, p, step);
+                }
                 if shares[..n] == [0.0; LANES][..n] {
                     continue;
                 }
-                let disc = &discs[(step - first) as usize];
                 self.simd.run(
                     #[inline(always)]
                     || add_shares(around, disc, (x, y), &shares, out),

@@ -22,7 +22,7 @@ use crate::plan::lens::kernels::Kernels;
 use crate::plan::lens::lens_samples::LensSample;
 use crate::plan::lens::optical_vignetting::PupilClip;
 use crate::plan::lens::padding::Margin;
-use crate::plan::lens::tiles::{self, Tile, Works};
+use crate::plan::lens::tiles::{self, Tile};
 use crate::plan::lens::{Missed, Plan, Resolution, Settings, check_full_resolution};
 use crate::scene::coarser::Coarser;
 use crate::scene::colors::Colors;
@@ -87,21 +87,20 @@ impl<'a> Frame<'a> {
         input: &Input<'a>,
         optics: &Optics,
         settings: &Settings,
-        (works, margin): (Works, Margin),
+        margin: Margin,
         simd: Simd,
         cancel: &'a Cancel,
     ) -> Result<Frame<'a>> {
         let Input { scene, supersample, .. } = *input;
         cancel.check()?;
         let origins = tiles::origins(scene.size.width, scene.size.height);
-        let plan = Plan::new(scene, optics, settings, supersample, (works, margin, origins), simd);
+        let plan = Plan::new(scene, optics, settings, supersample, (margin, origins), simd);
         cancel.check()?;
         let highlights = Highlights::new(scene, &plan, simd);
         cancel.check()?;
         // What a lens does differently at every place is not known at another scale.
         let is_even = settings.second_stop.is_none() && settings.aberrated.is_none();
-        let is_asked = works == Works::Least && settings.resolution == Resolution::Adaptive;
-        let may_be = is_asked && is_even && Coarser::exists(scene);
+        let may_be = settings.resolution == Resolution::Adaptive && is_even && Coarser::exists(scene);
         if !may_be {
             check_full_resolution(plan.reach_px)?;
         }
@@ -125,8 +124,7 @@ impl<'a> Frame<'a> {
         if origins.is_empty() {
             return Ok(None);
         }
-        let plan =
-            Plan::new(scene, optics, settings, supersample, (Works::Least, Margin::Period, origins), simd);
+        let plan = Plan::new(scene, optics, settings, supersample, (Margin::Period, origins), simd);
         cancel.check()?;
         Frame::of_plan(scene, plan, (Highlights::default(), Some(scenes)), settings, simd, cancel).map(Some)
     }

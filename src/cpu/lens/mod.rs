@@ -36,11 +36,10 @@ use crate::optics::Optics;
 use crate::picture::Size;
 use crate::plan::lens::Settings;
 use crate::plan::lens::padding::Margin;
-use crate::plan::lens::tiles::Works;
 use crate::rows::{interleave, interleave_among, with_channels};
 use crate::scene::grid::TILE;
 use crate::simd::Simd;
-pub use adjoint::{adjoint, by_pixel, of_shifts};
+pub use adjoint::{Asked, Derivatives, adjoint, by_pixel};
 pub use group::Input;
 
 use aberrated_highlights::AberratedLight;
@@ -60,7 +59,7 @@ pub fn render(
 ) -> Result<()> {
     let Input { picture, supersample, .. } = *input;
     let size = picture.size;
-    let mut frame = Frame::new(input, optics, settings, (Works::Least, Margin::Period), simd, cancel)?;
+    let mut frame = Frame::new(input, optics, settings, Margin::Period, simd, cancel)?;
     let of_picture = Group::of_picture(input, &frame.highlights);
     let (guide, groups) = match picture.carried.is_empty() {
         true => (None, vec![of_picture]),

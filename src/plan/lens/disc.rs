@@ -37,6 +37,24 @@ pub fn share(position: f64, step: i32) -> f32 {
     (1.0 - (position - f64::from(step)).abs()).max(0.0) as f32
 }
 
+/// By how much the share of the disc at a step rises with each step of the position, of which `last` is the greatest. Where
+/// discs meet, it is that between this one and the next.
+#[inline(always)]
+pub fn share_slope(position: f64, step: i32, last: i32) -> f32 {
+    match step - (position.floor() as i32).min(last - 1) {
+        0 => -1.0,
+        1 => 1.0,
+        _ => 0.0,
+    }
+}
+
+/// The shifts of which the discs tell how that of a surface of one depth grows: an eighth of a pixel nearer and farther. Of
+/// what a disc leaves of a sinusoid of `w` radians a pixel, this difference is off by `w^2 / 384` of its slope: by less than a
+/// percent up to half a cycle a pixel.
+pub fn beside(s: f32) -> [f32; 2] {
+    [s - 0.125, s + 0.125]
+}
+
 /// The discs between which these positions lie.
 pub fn range_of(positions: impl Iterator<Item = f64>) -> RangeInclusive<i32> {
     let (least, greatest) =

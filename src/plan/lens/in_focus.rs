@@ -1,6 +1,6 @@
 //! Tiles in focus: all that reaches them is blurred so little that neighbouring pixels merely exchange some light.
 
-use crate::aperture::{Aperture, EXCHANGED_PX, exchange};
+use crate::aperture::{Aperture, EXCHANGED_PX, exchange, exchange_slope};
 
 /// All discs up to this radius are in focus.
 pub const IN_FOCUS_PX: f64 = EXCHANGED_PX;
@@ -25,5 +25,11 @@ impl InFocus {
     pub fn weights(&self, s: f32) -> [f32; 2] {
         let t = (f64::from(s) - self.s_focus) as f32;
         self.loss_per_px2.map(|loss| exchange(loss, t))
+    }
+
+    /// By how much these weights rise with each pixel of shift.
+    pub fn slopes(&self, s: f32) -> [f32; 2] {
+        let t = (f64::from(s) - self.s_focus) as f32;
+        self.loss_per_px2.map(|loss| exchange_slope(loss, t))
     }
 }

@@ -28,7 +28,7 @@ use lens_samples::LensSample;
 use optical_vignetting::PupilClip;
 use padding::{Margin, Padding};
 use std::collections::{BTreeMap, BTreeSet};
-use tiles::{Tile, Work, Works};
+use tiles::{Tile, Work};
 
 /// The size of the cells that are swept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -153,7 +153,7 @@ impl Plan {
         optics: &Optics,
         settings: &Settings,
         supersample: usize,
-        (works, margin, origins): (Works, Margin, Vec<(usize, usize)>),
+        (margin, origins): (Margin, Vec<(usize, usize)>),
         simd: Simd,
     ) -> Plan {
         let s_focus = optics.k * optics.d_focus;
@@ -181,7 +181,6 @@ impl Plan {
             second_stop: settings.second_stop.as_ref(),
             reaches: reaches.as_ref(),
             brightness: brightness.as_deref(),
-            works,
         };
         let tiles = tiles::plan(&inputs, origins, count_samples);
         let sample_sets = sample_sets(&tiles, &settings.aperture);

@@ -17,15 +17,6 @@ const TILT_PX: f64 = 1.0;
 /// to the other smoothly as the focus does.
 const SWEPT_TILT_PX: f64 = 1.5;
 
-/// Which work tiles may have.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Works {
-    /// The least that shows the tile as it is.
-    Least,
-    /// The sweep everywhere: how the picture changes with depth is told by what each ray meets.
-    Sweeps,
-}
-
 /// The work of one tile.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Work {
@@ -73,6 +64,14 @@ impl Tile {
         }
     }
 
+    /// The share of what is swept in the result.
+    pub fn swept_share(&self) -> f32 {
+        match self.work {
+            Work::InFocus | Work::Disc => 0.0,
+            Work::Sweep { disc, in_focus, .. } => (1.0 - disc) * (1.0 - in_focus),
+        }
+    }
+
     /// The share of what is as in a tile in focus.
     pub fn share_in_focus(&self) -> f32 {
         match self.work {
@@ -111,7 +110,6 @@ pub struct Inputs<'a> {
     /// For each padded block, how many times as bright as a highlight begins to be what is left to the sweep is; none if all
     /// are 1.
     pub brightness: Option<&'a [f32]>,
-    pub works: Works,
 }
 
 /// The padded blocks that come within `margin` pixels of the tile at `origin`.
@@ -145,7 +143,7 @@ pub fn plan(
     origins: Vec<(usize, usize)>,
     count_samples: impl Fn(f64, f32) -> usize + Sync,
 ) -> Vec<Tile> {
-    let Inputs { padding, codes, bounds, s_focus, second_stop, reaches, brightness, works } = *inputs;
+    let Inputs { padding, codes, bounds, s_focus, second_stop, reaches, brightness } = *inputs;
     let shift = |code: u16| codes.decode(f64::from(code)) - s_focus;
     let block_reach: Vec<f64> = bounds
         .range
@@ -191,11 +189,10 @@ pub fn plan(
         let thin = aberrations.thin(reach);
         let [disc, in_focus] = if reach <= IN_FOCUS_PX { [0.0, thin] } else { [thin * disc, 0.0] };
         let samples = count_samples(reach.hypot(aberrations.spread_px), brightest);
-        let work = match works {
-            Works::Sweeps => Work::Sweep { samples, occupied, disc: 0.0, in_focus: 0.0 },
-            Works::Least if in_focus == 1.0 => Work::InFocus,
-            Works::Least if disc == 1.0 => Work::Disc,
-            Works::Least => Work::Sweep { samples, occupied, disc, in_focus },
+        let work = match (in_focus, disc) {
+            (1.0, _) => Work::InFocus,
+            (_, 1.0) => Work::Disc,
+            _ => Work::Sweep { samples, occupied, disc, in_focus },
         };
         Tile { origin, reach_px: reach + offset, work }
     };

@@ -1,6 +1,8 @@
 //! The cells around a tile, in arrays of their own: how the picture changes from each to the next, and what is added to them.
 
+use super::Asked;
 use super::met::Met;
+use super::plane_set::PlaneSet;
 use super::views::Reach;
 use super::window::{Region, Target, Window};
 use crate::cpu::lens::frame::Frame;
@@ -8,19 +10,13 @@ use crate::cpu::lens::lanes::FLOATS;
 use crate::cpu::lens::padded_layer::PaddedLayer;
 use crate::scene::grid::TILE;
 
-/// What is added up.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Asked {
-    Colors,
-    ColorsAndShifts,
-}
-
 /// All layers around a tile.
 pub struct Around {
     channels: usize,
     asked: Asked,
     pub region: Region,
-    /// Whether the first column and row of the tile are those of the frame.
+    /// Whether the pixels in front of the first column and row of the tile are not swept, or beyond the frame: what lies
+    /// between these and the tile's is then the tile's.
     pub is_first: [bool; 2],
     pub layers: Vec<Layer>,
 }
@@ -32,31 +28,23 @@ pub struct Layer {
     /// The depth codes that each cell spans.
     pub span: Vec<(u16, u16)>,
     /// A plane for each channel.
-    pub color: Vec<Vec<f32>>,
-    /// Borders with the next cell along each axis.
-    pub borders: [Borders; 2],
+    pub color: PlaneSet,
+    /// The borders between cells and the next ones of their surface along each axis: the shift of each, and by how much the
+    /// next cell differs in each channel; 0 where the surface ends.
+    pub borders: [PlaneSet; 2],
     /// A bit for each axis along which the next cell is of another surface.
     pub ends: Vec<u8>,
     /// What is added, if anything is.
     pub sums: Option<Sums>,
 }
 
-/// The borders between cells and the next ones of their surface along an axis.
-#[derive(Default)]
-pub struct Borders {
-    /// The shift of each.
-    pub t: Vec<f32>,
-    /// By how much the next cell differs, a plane for each channel; 0 where the surface ends.
-    pub slopes: Vec<Vec<f32>>,
-}
-
 /// What is added to the cells of a layer.
 pub struct Sums {
     /// A plane for each channel.
-    pub by_color: Vec<Vec<f32>>,
+    pub by_color: PlaneSet,
     /// By the shifts of borders along each axis, and of cells. Empty if they are not asked for.
-    pub by_border: [Vec<f32>; 2],
-    pub by_shift: Vec<f32>,
+    pub by_border: [PlaneSet; 2],
+    pub by_shift: PlaneSet,
 }
 
 /// Whether two cells, `between` of which lie between them, are of one surface: their spans touch, or would with the slope
@@ -72,12 +60,6 @@ fn border((lo_a, hi_a): (u16, u16), (lo_b, hi_b): (u16, u16)) -> f32 {
     0.5 * (f32::from(lo_a.max(lo_b)) + f32::from(hi_a.min(hi_b)))
 }
 
-/// Makes a plane of zeros.
-fn clear<T: Clone + Default>(plane: &mut Vec<T>, len: usize) {
-    plane.clear();
-    plane.resize(len, T::default());
-}
-
 impl Around {
     pub fn new(frame: &Frame, channels: usize, asked: Asked) -> Around {
         let layers = frame.padded.layers.iter().map(|_| Layer::default()).collect();
@@ -86,16 +68,16 @@ impl Around {
     }
 
     /// Takes the cells that the tile at `origin` meets, and those beside them, with nothing added to them.
-    pub fn take(&mut self, frame: &Frame, origin: (usize, usize), reach: Reach) {
+    pub fn take(&mut self, frame: &Frame, (origin, is_first): ((usize, usize), [bool; 2]), reach: Reach) {
         // The cells beside them tell how the picture changes.
         self.region = Region::new(&frame.padded.padding, origin, reach.cells + 1);
-        self.is_first = [origin.0 == 0, origin.1 == 0];
+        self.is_first = is_first;
         let len = self.region.len();
         for (number, (layer, from)) in self.layers.iter_mut().zip(&frame.padded.layers).enumerate() {
             layer.sums = (reach.layers >> number & 1 != 0).then(|| Sums::new(self.channels, self.asked, len));
-            if layer.sums.is_some() && self.asked == Asked::ColorsAndShifts {
+            if layer.sums.is_some() && self.asked.shifts() {
                 layer.read(frame, &self.region, from, self.channels);
-                layer.find_borders(self.region.stride);
+                layer.find_borders(self.region.stride, self.channels);
             }
         }
     }
@@ -108,38 +90,40 @@ impl Around {
         at.wrapping_add_signed(down as isize * self.region.stride as isize + across as isize)
     }
 
-    /// What has been added to the cells of each layer: the sums by colours, and behind these the one by shifts if it was asked
-    /// for.
+    /// What has been added to the cells of each layer: the sums by colours, and those by shifts if they were asked for.
     pub fn added(&mut self) -> impl Iterator<Item = Window> {
-        let Around { region, layers, .. } = self;
-        layers.iter_mut().enumerate().filter_map(|(number, layer)| {
-            let planes = layer.sums.take()?.into_planes(region.stride);
-            Some(Window { target: Target::Swept(number), region: *region, planes })
+        let Around { region, layers, asked, .. } = self;
+        let (region, asked) = (*region, *asked);
+        let sums =
+            layers.iter_mut().enumerate().filter_map(|(number, layer)| Some((number, layer.sums.take()?)));
+        sums.flat_map(move |(number, sums)| {
+            let (by_color, by_shift) = sums.into_planes(region.stride);
+            let colors = Window { target: Target::Swept(number), region, planes: by_color };
+            let shifts = Window { target: Target::Shifts(number), region, planes: by_shift };
+            std::iter::once(colors).chain(asked.shifts().then_some(shifts))
         })
     }
 }
 
 impl Sums {
     fn new(channels: usize, asked: Asked, len: usize) -> Sums {
-        let of_shifts = || vec![0.0; if asked == Asked::ColorsAndShifts { len } else { 0 }];
+        let of_shifts = || PlaneSet::zeros(1, if asked.shifts() { len } else { 0 });
         Sums {
-            by_color: vec![vec![0.0; len]; channels],
+            by_color: PlaneSet::zeros(channels, len),
             by_border: [of_shifts(), of_shifts()],
             by_shift: of_shifts(),
         }
     }
 
-    /// The planes; both cells at a border move it by half of their shift.
-    fn into_planes(self, stride: usize) -> Vec<Vec<f32>> {
-        let Sums { by_color: mut planes, by_border, mut by_shift } = self;
+    /// The planes by colours, and that by shifts; both cells at a border move it by half of their shift.
+    fn into_planes(self, stride: usize) -> (PlaneSet, PlaneSet) {
+        let Sums { by_color, by_border, mut by_shift } = self;
         for (by_border, apart) in by_border.iter().zip([1, stride]) {
-            by_shift.iter_mut().skip(apart).zip(by_border).for_each(|(sum, v)| *sum += 0.5 * v);
-            by_shift.iter_mut().zip(by_border).for_each(|(sum, v)| *sum += 0.5 * v);
+            let (sums, by_border) = (by_shift.plane_mut(0), by_border.plane(0));
+            sums.iter_mut().skip(apart).zip(by_border).for_each(|(sum, v)| *sum += 0.5 * v);
+            sums.iter_mut().zip(by_border).for_each(|(sum, v)| *sum += 0.5 * v);
         }
-        if !by_shift.is_empty() {
-            planes.push(by_shift);
-        }
-        planes
+        (by_color, by_shift)
     }
 }
 
@@ -154,32 +138,32 @@ impl Layer {
             self.span.extend(lo.iter().copied().zip(hi.iter().copied()));
         }
         self.span.resize(region.len(), (0, 0));
-        self.color.resize(channels, Vec::new());
-        for (into, from) in self.color.iter_mut().zip(&from.color) {
-            into.clear();
-            (0..rows).for_each(|y| into.extend_from_slice(&from[row_of(y)..][..stride]));
-            into.resize(region.len(), 0.0);
+        self.color.clear(channels, region.len());
+        for (c, from) in from.color.iter().enumerate().take(channels) {
+            for (y, into) in self.color.plane_mut(c).chunks_exact_mut(stride).take(rows).enumerate() {
+                into.copy_from_slice(&from[row_of(y)..][..stride]);
+            }
         }
         self.codes = Codes::new(frame);
     }
 
-    fn find_borders(&mut self, stride: usize) {
+    fn find_borders(&mut self, stride: usize, channels: usize) {
         let Layer { codes, span, color, borders, ends, .. } = self;
         let len = span.len();
-        clear(ends, len);
-        for (axis, (Borders { t, slopes }, apart)) in borders.iter_mut().zip([1, stride]).enumerate() {
-            clear(t, len);
-            slopes.resize(color.len(), Vec::new());
-            slopes.iter_mut().for_each(|plane| clear(plane, len));
+        ends.clear();
+        ends.resize(len, 0);
+        for (axis, (borders, apart)) in borders.iter_mut().zip([1, stride]).enumerate() {
+            borders.clear(1 + channels, len);
             for at in 0..len - FLOATS - apart {
                 let (a, b) = (span[at], span[at + apart]);
                 if a.1 == 0 || b.1 == 0 {
                     continue;
                 }
                 if is_one_surface(a, b, 0) {
-                    t[at] = codes.shift(border(a, b));
-                    for (slope, color) in slopes.iter_mut().zip(&*color) {
-                        slope[at] = color[at + apart] - color[at];
+                    borders.plane_mut(0)[at] = codes.shift(border(a, b));
+                    for c in 0..channels {
+                        let color = color.plane(c);
+                        borders.plane_mut(1 + c)[at] = color[at + apart] - color[at];
                     }
                 } else {
                     ends[at] |= 1 << axis;

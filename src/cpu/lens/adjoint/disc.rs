@@ -55,7 +55,7 @@ pub fn adjoint(frame: &Frame, size: Size, tile: &Tile, cotangent: &TileColor) ->
 /// Gives each of the pixels from `at` on its value times its kernel.
 fn give(kernel: &Kernel, values: &[f32], channel: usize, at: usize, window: &mut Window) {
     let stride = window.region.stride as isize;
-    let plane = &mut window.planes[channel];
+    let plane = window.planes.plane_mut(channel);
     let place = |dx: i32, dy: i32| (at as isize + dy as isize * stride + dx as isize) as usize;
     let mut before = [0.0f32; TILE.0 + 1];
     for (i, v) in values.iter().enumerate() {

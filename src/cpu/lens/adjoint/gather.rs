@@ -12,8 +12,9 @@
 //! from their pixels, and so beside each other on a surface: many of these are worked on together, and the other pairs one by
 //! one.
 
-use super::around::{Around, Borders, Layer, Sums, is_one_surface};
+use super::around::{Around, Layer, Sums, is_one_surface};
 use super::met::Met;
+use super::plane_set::{PlaneSet, group};
 use super::views::{Blind, SHARES, View, Views};
 #[cfg(target_arch = "x86_64")]
 use crate::cpu::lens::lanes::Avx2Floats;
@@ -21,6 +22,7 @@ use crate::cpu::lens::lanes::{FLOATS, Floats};
 use crate::plan::lens::lens_samples::LensSample;
 use crate::scene::grid::TILE;
 use crate::simd::{InstructionSet, Simd};
+use std::ops::Range;
 
 /// Pixels of a row, a bit for each.
 type Row = u64;
@@ -36,25 +38,36 @@ type LensPoint = [[f32; 2]; 2];
 pub struct Gather<'a, const C: usize> {
     pub around: &'a mut Around,
     /// What each pixel of the tile, and those beyond its last column and row, give to each of their samples.
-    pub shares: [&'a [f32]; C],
+    pub shares: &'a PlaneSet,
 }
 
-/// Visits what each sample of a tile sees, by its number. Pixels that have met nothing keep the colour of their own cell of the
-/// first layer, and are added here.
-pub fn visit<const C: usize>(
+/// Rows of a tile that are worked on together. What they meet through lens points of about the same height is in a few rows,
+/// and so in the cache of a core: a tile of a wide blur is not.
+const STRIP: usize = 8;
+
+/// Adds what the samples of a tile see; if it is asked for, also how the sum changes with the shifts of the cells. Pixels that
+/// have met nothing keep the colour of their own cell of the first layer.
+pub fn add<const C: usize>(
     views: &mut Views,
     around: &mut Around,
-    mut visit: impl FnMut(&mut Gather<C>, usize, &View),
+    simd: Simd,
+    samples: &[LensSample],
+    of_shifts: bool,
 ) {
     let (shares, blind, views) = views.seen();
     for Blind { pixel, given } in blind {
         let at = around.index(*pixel, Met::OWN);
         let sums = around.layers[0].sums.as_mut().expect("every tile may meet the first layer");
-        sums.by_color.iter_mut().zip(given).for_each(|(sum, v)| sum[at] += *v);
+        (0..C).for_each(|c| sums.by_color.plane_mut(c)[at] += given[c]);
     }
-    let mut gather = Gather { around, shares: std::array::from_fn(|c| &shares[c][..]) };
-    for (sample, view) in views.enumerate() {
-        visit(&mut gather, sample, &view);
+    let mut gather = Gather::<C> { around, shares };
+    let mut by_height: Vec<usize> = (0..views.len()).collect();
+    by_height.sort_by(|a, b| samples[*a].behind[1].total_cmp(&samples[*b].behind[1]));
+    for y in (0..TILE.1).step_by(STRIP) {
+        for &number in &by_height {
+            let sample = of_shifts.then(|| &samples[number]);
+            gather.add(simd, &views[number], sample, y..y + STRIP);
+        }
     }
 }
 
@@ -77,17 +90,6 @@ struct Pair {
     /// Where that is around the tile.
     at: [usize; 2],
     axis: usize,
-}
-
-/// The group of values that starts at `at`.
-#[inline(always)]
-fn group<T>(values: &[T], at: usize) -> &[T; FLOATS] {
-    values[at..].first_chunk().expect("planes are longer by a group")
-}
-
-#[inline(always)]
-fn group_mut(values: &mut [f32], at: usize) -> &mut [f32; FLOATS] {
-    values[at..].first_chunk_mut().expect("planes are longer by a group")
 }
 
 /// Where the share of a pixel is.
@@ -125,9 +127,14 @@ macro_rules! instantiate {
             ///
             /// The instructions have been detected.
             $(#[target_feature(enable = $feature)])?
-            unsafe fn $name<const C: usize>(gather: &mut Gather<C>, view: &View, lens: Option<&LensPoint>) {
+            unsafe fn $name<const C: usize>(
+                gather: &mut Gather<C>,
+                view: &View,
+                lens: Option<&LensPoint>,
+                rows: Range<usize>,
+            ) {
                 // SAFETY: per the function's contract.
-                unsafe { gather.add_with::<$floats>(view, lens) }
+                unsafe { gather.add_with::<$floats>(view, lens, rows) }
             }
         )*
     };
@@ -143,17 +150,18 @@ instantiate! {
 }
 
 impl<const C: usize> Gather<'_, C> {
-    /// Adds the shares of the cells that a sample meets; of a known one also how the sum changes with the shifts of the cells.
-    pub fn add(&mut self, simd: Simd, view: &View, sample: Option<&LensSample>) {
+    /// Adds the shares of the cells that a sample meets from some rows of the tile; of a known one also how the sum changes with
+    /// the shifts of the cells.
+    fn add(&mut self, simd: Simd, view: &View, sample: Option<&LensSample>, rows: Range<usize>) {
         let lens = sample.map(|sample| [sample.behind, sample.in_front].map(|point| point.map(|v| v as f32)));
         // SAFETY: the instructions have been detected, otherwise this `Simd` would not exist.
         unsafe {
             match simd.instruction_set() {
-                InstructionSet::Portable => portable(self, view, lens.as_ref()),
+                InstructionSet::Portable => portable(self, view, lens.as_ref(), rows),
                 #[cfg(target_arch = "x86_64")]
-                InstructionSet::Avx2 => avx2(self, view, lens.as_ref()),
+                InstructionSet::Avx2 => avx2(self, view, lens.as_ref(), rows),
                 #[cfg(target_arch = "x86_64")]
-                InstructionSet::Avx512 => avx512(self, view, lens.as_ref()),
+                InstructionSet::Avx512 => avx512(self, view, lens.as_ref(), rows),
             }
         }
     }
@@ -162,12 +170,12 @@ impl<const C: usize> Gather<'_, C> {
     ///
     /// The instructions of `F` have been detected.
     #[inline(always)]
-    unsafe fn add_with<F: Floats>(&mut self, view: &View, lens: Option<&LensPoint>) {
+    unsafe fn add_with<F: Floats>(&mut self, view: &View, lens: Option<&LensPoint>, rows: Range<usize>) {
         // SAFETY: per the function's contract.
         unsafe {
             match view {
-                View::Even(met) => self.add_even::<F>(*met, lens),
-                View::Uneven(codes) => self.add_uneven::<F>(codes, lens),
+                View::Even(met) => self.add_even::<F>(*met, lens, rows),
+                View::Uneven(codes) => self.add_uneven::<F>(codes, lens, rows),
             }
         }
     }
@@ -178,8 +186,8 @@ impl<const C: usize> Gather<'_, C> {
     ///
     /// The instructions of `F` have been detected.
     #[inline(always)]
-    unsafe fn add_even<F: Floats>(&mut self, met: Met, lens: Option<&LensPoint>) {
-        for y in 0..TILE.1 {
+    unsafe fn add_even<F: Floats>(&mut self, met: Met, lens: Option<&LensPoint>, rows: Range<usize>) {
+        for y in rows {
             let (mut ends, mut x) = ([0; 2], 0);
             while x < TILE.0 {
                 let group = Group { pixel: y * TILE.0 + x, met, lanes: u16::MAX, same: [u16::MAX; 2] };
@@ -199,9 +207,9 @@ impl<const C: usize> Gather<'_, C> {
     ///
     /// The instructions of `F` have been detected.
     #[inline(always)]
-    unsafe fn add_uneven<F: Floats>(&mut self, codes: &[u32], lens: Option<&LensPoint>) {
+    unsafe fn add_uneven<F: Floats>(&mut self, codes: &[u32], lens: Option<&LensPoint>, rows: Range<usize>) {
         let nothing = [Met::NOTHING.code(); FLOATS];
-        for y in 0..TILE.1 {
+        for y in rows {
             let row = &codes[y * TILE.0..][..TILE.0];
             let (mut right, mut below) = (ALL, ALL);
             if lens.is_some() {
@@ -258,9 +266,9 @@ impl<const C: usize> Gather<'_, C> {
             let mut own = [zero; C];
             let Layer { sums, .. } = &mut self.around.layers[met.layer()];
             let Sums { by_color, .. } = sums.as_mut().expect("the layer is met");
-            for c in 0..C {
-                own[c] = F::choose(lanes, F::load(group(self.shares[c], share)), zero);
-                let sum = group_mut(&mut by_color[c], at);
+            let (shares, by_color) = (self.shares.groups::<C>(0, share), by_color.groups_mut::<C>(at));
+            for (c, sum) in by_color.into_iter().enumerate() {
+                own[c] = F::choose(lanes, F::load(shares[c]), zero);
                 F::load(sum).add(own[c]).store(sum);
             }
             let Some(lens) = lens else { return };
@@ -269,9 +277,10 @@ impl<const C: usize> Gather<'_, C> {
             for axis in 0..2 {
                 let pairs = lanes & same[axis];
                 if pairs != 0 {
+                    let shares = self.shares.groups::<C>(0, share + [1, SHARES][axis]);
                     let mut next = [zero; C];
                     for c in 0..C {
-                        next[c] = F::load(group(self.shares[c], share + [1, SHARES][axis]));
+                        next[c] = F::load(shares[c]);
                     }
                     self.add_borders::<F>((axis, at), met, pairs, [own, next], lens);
                 }
@@ -316,20 +325,20 @@ impl<const C: usize> Gather<'_, C> {
         lens: &LensPoint,
     ) {
         let Layer { borders, sums, .. } = &mut self.around.layers[met.layer()];
-        let Borders { t, slopes } = &borders[axis];
+        let ([t], slopes) = (borders[axis].groups(0, at), borders[axis].groups::<C>(1, at));
         let Sums { by_border, .. } = sums.as_mut().expect("the layer is met");
+        let [sum] = by_border[axis].groups_mut(at);
         // SAFETY: per the function's contract.
         unsafe {
-            let t = F::load(group(t, at));
+            let t = F::load(t);
             let along = t.where_above_0(F::all(lens[1][axis]), F::all(lens[0][axis]));
             // How far the first of both pixels reaches beyond the border.
             let beyond = along.mul(t).sub(F::all(met.away()[axis] as f32));
             let mut dot = F::all(0.0);
             for c in 0..C {
                 let share = beyond.where_above_0(in_front[c], behind[c]);
-                dot = dot.add(share.mul(F::load(group(&slopes[c], at))));
+                dot = dot.add(share.mul(F::load(slopes[c])));
             }
-            let sum = group_mut(&mut by_border[axis], at);
             F::load(sum).add(F::choose(lanes, along.mul(dot), F::all(0.0))).store(sum);
         }
     }
@@ -394,15 +403,15 @@ impl<const C: usize> Gather<'_, C> {
         lens: &LensPoint,
     ) {
         let Layer { borders, sums, .. } = &mut self.around.layers[layer];
-        let Borders { t, slopes } = &borders[axis];
-        let along = lens[usize::from(t[at] > 0.0)][axis];
-        let across = of_share(pixels[usize::from(along * t[at] - away <= 0.0)]);
+        let t = borders[axis].plane(0)[at];
+        let along = lens[usize::from(t > 0.0)][axis];
+        let across = of_share(pixels[usize::from(along * t - away <= 0.0)]);
         let mut dot = 0.0;
         for c in 0..C {
-            dot += self.shares[c][across] * slopes[c][at];
+            dot += self.shares.plane(c)[across] * borders[axis].plane(1 + c)[at];
         }
         let Sums { by_border, .. } = sums.as_mut().expect("the layer is met");
-        by_border[axis][at] += along * dot;
+        by_border[axis].plane_mut(0)[at] += along * dot;
     }
 
     /// Adds a part of what a pair changes with one of its cells: the pixel across which that cell's border lies takes the
@@ -416,9 +425,10 @@ impl<const C: usize> Gather<'_, C> {
         let across = of_share(pixels[usize::from(along * t - mets[k].away()[axis] as f32 <= 0.0)]);
         let mut dot = 0.0;
         for c in 0..C {
-            dot += self.shares[c][across] * (layers[1].color[c][at[1]] - layers[0].color[c][at[0]]);
+            let change = layers[1].color.plane(c)[at[1]] - layers[0].color.plane(c)[at[0]];
+            dot += self.shares.plane(c)[across] * change;
         }
         let sums = self.around.layers[mets[k].layer()].sums.as_mut().expect("the layer is met");
-        sums.by_shift[at[k]] += part * along * dot;
+        sums.by_shift.plane_mut(0)[at[k]] += part * along * dot;
     }
 }

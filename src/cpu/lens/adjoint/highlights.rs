@@ -8,7 +8,7 @@ use crate::plan::lens::disc;
 use crate::plan::lens::tiles::Tile;
 use crate::scene::grid::TILE;
 
-/// What a highlight contributes by its light in each channel, and how that changes with its shift.
+/// What a highlight contributes by its light in each channel, and how that changes with its shift, for all of its light.
 pub struct Light {
     pub number: usize,
     pub light: [f32; 4],
@@ -77,7 +77,7 @@ pub fn adjoint(frame: &Frame, number: usize, tile: &Tile, cotangent: &TileColor)
             let highlight = &highlights.all[number];
             let (mut light, mut by_shift) = ([0.0; 4], [0.0; 4]);
             // The shares of both discs are linear in the position between them.
-            let slope = disc::position_slope(highlight.t);
+            let slope = f64::from(highlight.drawn_in(tile)) * disc::position_slope(highlight.t);
             for Disc { step, share } in pass.discs(number, tile) {
                 let mut of_disc = [0.0; 4];
                 pass.visit_disc(number, step, 1.0, tile.origin, |y, columns, weight| {

@@ -26,7 +26,8 @@ pub fn adjoint(
         let front = layers.iter().map(|layer| layer.s[pixel]).find(|s| !s.is_nan());
         let [beside, over] = front.map_or([0.0; 2], |s| in_focus.weights(s));
         let at = region.index(x, y);
-        for (plane, given) in window.planes.iter_mut().zip(&cotangent.planes) {
+        for (c, given) in cotangent.planes.iter().enumerate() {
+            let plane = window.planes.plane_mut(c);
             let v = given[y * TILE.0 + x];
             plane[at] += v - 2.0 * (beside + over) * v;
             for (q, weight) in [(at - 1, beside), (at + 1, beside), (at - stride, over), (at + stride, over)]

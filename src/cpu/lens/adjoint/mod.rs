@@ -11,6 +11,8 @@ mod gather;
 mod highlights;
 mod in_focus;
 mod met;
+mod own_shifts;
+mod plane_set;
 mod scratch;
 mod sharpening;
 mod shifts;
@@ -18,8 +20,7 @@ mod views;
 mod waves;
 mod window;
 
-pub use shifts::of_shifts;
-
+use super::disc::Gather;
 use super::frame::Frame;
 use super::group::{Group, Input, Sharpening};
 use super::widen::Widening;
@@ -29,58 +30,146 @@ use crate::memory::Buffer;
 use crate::optics::Optics;
 use crate::picture::Size;
 use crate::plan::lens::Settings;
+use crate::plan::lens::disc::{Surface, beside};
+use crate::plan::lens::footprint::Footprint;
+use crate::plan::lens::kernels::Kernels;
 use crate::plan::lens::padding::Margin;
-use crate::plan::lens::tiles::{Tile, Works};
+use crate::plan::lens::tiles::Tile;
 use crate::scene::origins::{Form, Origin, Origins};
 use crate::simd::Simd;
-use around::Asked;
 use highlights::Light;
 use rayon::prelude::*;
 use scratch::Scratch;
+use std::collections::BTreeSet;
 use waves::in_waves;
 use window::{Sums, Target};
 
-/// The adjoint of [`render`](super::render) for the colours of a picture of one layer: `cotangent` and the result are
-/// planes of its size. `origins` are those of the scene.
+/// By what the weighted sum of a rendered picture is differentiated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Asked {
+    Colors,
+    Shifts,
+    Both,
+}
+
+impl Asked {
+    fn colors(self) -> bool {
+        self != Asked::Shifts
+    }
+
+    fn shifts(self) -> bool {
+        self != Asked::Colors
+    }
+}
+
+/// The derivatives, as far as they were asked for.
+#[derive(Default)]
+pub struct Derivatives {
+    /// By the picture: planes of its size.
+    pub colors: Option<Buffer<f32>>,
+    /// By the shifts of the cells of each layer.
+    pub shifts: Option<Vec<Buffer<f32>>>,
+}
+
+/// A frame, and the weights of the picture that is rendered of it.
+struct Job<'a> {
+    frame: &'a Frame<'a>,
+    size: Size,
+    asked: Asked,
+    cotangent: &'a [f32],
+    /// The channels of the picture, and their exact discs.
+    group: &'a Group<'a>,
+    discs: Gather<'a>,
+    /// The discs beside those of surfaces of one depth, if they are asked for.
+    beside: Kernels,
+}
+
+/// The adjoint of [`render`](super::render) for a picture of one layer: `cotangent` has planes of its size. `origins` are
+/// those of the scene. Derivatives by shifts are for lenses that show all of the opening everywhere.
 pub fn adjoint(
     input: &Input,
     origins: &Origins,
     optics: &Optics,
     settings: &Settings,
-    simd: Simd,
-    cancel: &Cancel,
+    (simd, cancel): (Simd, &Cancel),
     cotangent: &[f32],
-) -> Result<Buffer<f32>> {
+    asked: Asked,
+) -> Result<Derivatives> {
     let size = input.picture.size;
     let settings = settings.at_full_resolution();
-    let frame = Frame::new(input, optics, &settings, (Works::Least, Margin::Reach), simd, cancel)?;
-    let guide = Group { sharpening: Sharpening::Guided, ..Group::of_picture(input, &frame.highlights) };
-    let layers = input.scene.layers.len();
-    let targets = [Target::Given, Target::Level].into_iter().chain((0..layers).map(Target::Swept));
-    let mut sums = Sums::new(size, targets);
-    let mut light = vec![[0.0f32; 4]; frame.highlights.all.len()];
-    let scratch = || Scratch::new(&frame, size, Asked::Colors);
-    let of_tile = |scratch: &mut Scratch, tile: (usize, &Tile)| scratch.colors(&frame, size, tile, cotangent);
-    in_waves(&frame, scratch, of_tile, &mut sums, |Light { number, light: more, .. }| {
-        light[number].iter_mut().zip(more).for_each(|(sum, v)| *sum += v);
-    })?;
-    let mut planes = sums.into_planes();
-    let [given, level] = std::array::from_fn(|_| planes.next().expect("there are planes for each target"));
-    let mut swept: Vec<Buffer<f32>> = planes.collect();
-    if frame.is_swept() {
-        let drawn = frame.widened(&guide);
-        swept = sharpening::adjoint(&frame, size, drawn, swept);
+    let mut frame = Frame::new(input, optics, &settings, Margin::Reach, simd, cancel)?;
+    let group = Group::of_picture(input, &frame.highlights);
+    // Widening takes away texture, which moves; the noise of few samples has no mean.
+    let mut narrow = Footprint::new(frame.padded.reach_px, |_| 1, |_, _| 0.0, None);
+    if asked.shifts() && frame.is_swept() {
+        let own = std::mem::replace(&mut frame.footprint, narrow);
+        frame.set_colors(std::slice::from_ref(&group), None);
+        narrow = std::mem::replace(&mut frame.footprint, own);
         cancel.check()?;
-        let layers = input.scene.layers.iter().zip(swept);
-        let narrowed =
-            layers.map(|(layer, planes)| match Widening::new(&frame.footprint, layer, size, frame.s_focus) {
-                Some(widening) => widening.adjoint(planes, simd),
-                None => planes,
-            });
-        swept = narrowed.collect();
     }
-    let cells = of_cells(&frame, size, swept, &level, &light);
-    Ok(of_pixels(size, given, &cells, origins))
+    let frame = &frame;
+    let discs = frame.gather(&group);
+    let job = Job {
+        frame,
+        size,
+        asked,
+        cotangent,
+        group: &group,
+        discs,
+        beside: beside_level(frame, &settings, asked)?,
+    };
+    let layers = input.scene.layers.len();
+    let colors = [Target::Given, Target::Level].into_iter().filter(|_| asked.colors());
+    let shifts = (0..layers).map(Target::Shifts).filter(|_| asked.shifts());
+    let mut sums = Sums::new(size, colors.chain((0..layers).map(Target::Swept)).chain(shifts));
+    let mut light = vec![[0.0f32; 4]; frame.highlights.all.len()];
+    let mut by_highlight = vec![0.0f32; light.len()];
+    let scratch = || Scratch::new(&job);
+    let of_tile = |scratch: &mut Scratch, tile: (usize, &Tile)| scratch.tile(&job, tile);
+    in_waves(frame, scratch, of_tile, &mut sums, |Light { number, light: more, by_shift }| {
+        light[number].iter_mut().zip(more).for_each(|(sum, v)| *sum += v);
+        let changes = by_shift.iter().zip(group.excess[number]);
+        by_highlight[number] += changes.map(|(by_shift, excess)| by_shift * excess).sum::<f32>();
+    })?;
+    let swept: Vec<Buffer<f32>> = (0..layers).map(|layer| sums.take(Target::Swept(layer))).collect();
+    let mut found = Derivatives::default();
+    if asked.shifts() {
+        found.shifts = Some(shifts::of_cells(&job, &mut sums, &swept, &narrow, &by_highlight));
+        cancel.check()?;
+    }
+    if asked.colors() {
+        let level = sums.take(Target::Level);
+        let swept = of_drawn(input, frame, size, swept)?;
+        let cells = of_cells(frame, size, swept, &level, &light);
+        found.colors = Some(of_pixels(size, sums.take(Target::Given), &cells, origins));
+    }
+    Ok(found)
+}
+
+/// The discs beside those of surfaces of one depth, which tell how these grow, if derivatives by shifts are asked for.
+fn beside_level(frame: &Frame, settings: &Settings, asked: Asked) -> Result<Kernels> {
+    let Frame { scene, s_focus, cancel, .. } = frame;
+    let discs = frame.tiles.iter().filter(|tile| asked.shifts() && tile.disc_share() > 0.0);
+    let surface = |tile: &Tile| Surface::new(&scene.layers[scene.front].s, scene.size, *s_focus, tile.origin);
+    let level = discs.filter_map(|tile| surface(tile).level());
+    Kernels::new(&settings.aperture, *s_focus, BTreeSet::new(), level.flat_map(beside), cancel)
+}
+
+/// What the cells of each layer contribute, from what they do as they are drawn: sharpened, and widened.
+fn of_drawn(input: &Input, frame: &Frame, size: Size, swept: Vec<Buffer<f32>>) -> Result<Vec<Buffer<f32>>> {
+    if !frame.is_swept() {
+        return Ok(swept);
+    }
+    let guide = Group { sharpening: Sharpening::Guided, ..Group::of_picture(input, &frame.highlights) };
+    let narrowed = sharpening::adjoint(frame, size, frame.widened(&guide), swept);
+    frame.cancel.check()?;
+    let layers = frame.scene.layers.iter().zip(narrowed);
+    let narrowed =
+        layers.map(|(layer, planes)| match Widening::new(&frame.footprint, layer, size, frame.s_focus) {
+            Some(widening) => widening.adjoint(planes, frame.simd),
+            None => planes,
+        });
+    Ok(narrowed.collect())
 }
 
 /// What each layer's cells contribute, from what they do as they are swept and, of the first layer, as exact discs.

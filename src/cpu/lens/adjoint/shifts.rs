@@ -1,71 +1,41 @@
 //! How a weighted sum of the rendered picture changes with the shift of each cell.
 
-use super::around::Asked;
-use super::highlights::Light;
-use super::scratch::Scratch;
-use super::waves::in_waves;
+use super::Job;
 use super::window::{Sums, Target};
-use crate::cancel::Cancel;
 use crate::cpu::lens::frame::Frame;
-use crate::cpu::lens::group::{Group, Input};
-use crate::error::Result;
 use crate::memory::Buffer;
-use crate::optics::Optics;
 use crate::picture::Size;
-use crate::plan::lens::Settings;
 use crate::plan::lens::footprint::{self, Footprint};
-use crate::plan::lens::padding::Margin;
-use crate::plan::lens::tiles::{Tile, Works};
 use crate::scene::colors::Colors;
 use crate::scene::depth_spans::{self, Cell};
-use crate::simd::Simd;
 use rayon::prelude::*;
 
-/// The derivative of the sum of the rendered picture, weighted by `cotangent`, by the shift of each cell: a plane for each
-/// layer. For pictures of one layer, and lenses that show all of the opening everywhere.
-pub fn of_shifts(
-    input: &Input,
-    optics: &Optics,
-    settings: &Settings,
-    simd: Simd,
-    cancel: &Cancel,
-    cotangent: &[f32],
-) -> Result<Vec<Buffer<f32>>> {
-    let size = input.picture.size;
-    let mut frame = Frame::new(input, optics, settings, (Works::Sweeps, Margin::Reach), simd, cancel)?;
-    let group = Group::of_picture(input, &frame.highlights);
-    // Widening takes away texture, which moves; the noise of few samples has no mean.
-    frame.footprint = Footprint::new(frame.padded.reach_px, |_| 1, |_, _| 0.0, None);
-    frame.set_colors(std::slice::from_ref(&group), None);
-    cancel.check()?;
-    let layers = input.scene.layers.len();
-    // The last plane of each layer is that of shifts.
-    let planes = Size { channels: size.channels + 1, ..size };
-    let mut sums = Sums::new(planes, (0..layers).map(Target::Swept));
-    let mut by_highlight = vec![0.0f32; frame.highlights.all.len()];
-    let scratch = || Scratch::new(&frame, size, Asked::ColorsAndShifts);
-    let of_tile = |scratch: &mut Scratch, tile: (usize, &Tile)| scratch.shifts(&frame, size, tile, cotangent);
-    in_waves(&frame, scratch, of_tile, &mut sums, |Light { number, by_shift, .. }| {
-        let changes = by_shift.iter().zip(group.excess[number]);
-        by_highlight[number] += changes.map(|(by_shift, excess)| by_shift * excess).sum::<f32>();
-    })?;
-    let n = size.pixels();
-    let of_layers = input.scene.layers.iter().zip(sums.into_planes()).enumerate();
-    let by_shift = of_layers.map(|(i, (layer, sums))| {
-        let (by_color, by_place) = sums.split_at(size.channels * n);
-        let drawn = Sharpened { frame: &frame, size, layer: i, colors: group.swept(), by_color };
-        let mut by_shift = Buffer::from(by_place);
+/// The derivatives by the shifts of all cells, a plane for each layer: those that tiles have summed up, as cells are sharpened
+/// by their shift, and as highlights are drawn. `swept` has what each layer's cells do by their colours once sharpened by
+/// `footprint`, and `by_highlight` is how the sum changes with the shift of each highlight.
+pub fn of_cells(
+    job: &Job,
+    sums: &mut Sums,
+    swept: &[Buffer<f32>],
+    footprint: &Footprint,
+    by_highlight: &[f32],
+) -> Vec<Buffer<f32>> {
+    let &Job { frame, size, group, .. } = job;
+    let of_layers = frame.scene.layers.iter().zip(swept).enumerate();
+    let by_shift = of_layers.map(|(i, (layer, by_color))| {
+        let drawn = Sharpened { frame, size, layer: i, colors: group.swept(), footprint, by_color };
+        let mut by_shift = sums.take(Target::Shifts(i));
         by_shift.par_iter_mut().enumerate().filter(|(index, _)| !layer.s[*index].is_nan()).for_each(
             |(index, sum)| {
                 *sum += drawn.by_shift(index);
             },
         );
-        for (h, change) in frame.highlights.all.iter().zip(&by_highlight).filter(|(h, _)| h.layer == i) {
-            by_shift[h.y as usize * size.width + h.x as usize] += h.drawn * change;
+        for (h, change) in frame.highlights.all.iter().zip(by_highlight).filter(|(h, _)| h.layer == i) {
+            by_shift[h.y as usize * size.width + h.x as usize] += change;
         }
         by_shift
     });
-    Ok(by_shift.collect())
+    by_shift.collect()
 }
 
 /// The cells of a layer, which are sharpened by their shift: a cell that is drawn between two pixels is blurred, the more
@@ -76,6 +46,7 @@ struct Sharpened<'a> {
     layer: usize,
     /// The colours of all layers.
     colors: &'a [Colors],
+    footprint: &'a Footprint,
     /// The derivative by the colour of each cell as it is drawn.
     by_color: &'a [f32],
 }
@@ -85,7 +56,7 @@ impl Sharpened<'_> {
     fn by_shift(&self, index: usize) -> f32 {
         // The table of sharpening is linear between eighths of a pixel.
         const STEP_PX: f32 = 1.0 / 8.0;
-        let Frame { scene, footprint, s_focus, .. } = self.frame;
+        let (Frame { scene, s_focus, .. }, footprint) = (self.frame, self.footprint);
         let layers = &scene.layers;
         let n = self.size.pixels();
         if (0..self.size.channels).all(|c| self.by_color[c * n + index] == 0.0) {

@@ -1,6 +1,7 @@
 //! What the lens samples of a tile see: the cell that the ray of each pixel meets.
 
 use super::met::Met;
+use super::plane_set::PlaneSet;
 use super::waves::Beyond;
 use crate::cpu::lens::culling::PART;
 use crate::cpu::lens::frame::Frame;
@@ -31,7 +32,7 @@ pub struct Views {
     /// What each pixel of each sample meets, where it is not the same for a whole part.
     codes: Buffer<u32>,
     /// What each pixel gives to each of its samples, in each channel.
-    shares: Vec<Vec<f32>>,
+    shares: PlaneSet,
     blind: Vec<Blind>,
     pub reach: Reach,
 }
@@ -61,7 +62,7 @@ pub enum View<'a> {
 
 impl Views {
     pub fn new(channels: usize) -> Views {
-        let shares = vec![vec![0.0; SHARES * (TILE.1 + 1)]; channels];
+        let shares = PlaneSet::zeros(channels, SHARES * (TILE.1 + 1));
         let reach = Reach::default();
         Views { of_part: Vec::new(), codes: Buffer::unset(0), shares, blind: Vec::new(), reach }
     }
@@ -92,7 +93,8 @@ impl Views {
         self.blind.clear();
         // Pixels that meet nothing see their own cells of the first layer.
         self.reach = Reach { cells: 0, layers: 1 };
-        for (shares, beyond) in self.shares.iter_mut().zip(&beyond.channels) {
+        for (c, beyond) in beyond.channels.iter().enumerate() {
+            let shares = self.shares.plane_mut(c);
             let share = 1.0 / samples as f32;
             (0..TILE.1).for_each(|y| shares[y * SHARES + TILE.0] = share * beyond.column[y]);
             (0..TILE.0).for_each(|x| shares[TILE.1 * SHARES + x] = share * beyond.row[x]);
@@ -123,8 +125,8 @@ impl Views {
             for lane in 0..count {
                 let met = pixels.met(row, lane);
                 let share = if met > 0.0 { 1.0 / met } else { 0.0 };
-                for (shares, given) in self.shares.iter_mut().zip(&cotangent.planes) {
-                    shares[(y + row) * SHARES + x + lane] = share * given[first + lane];
+                for (c, given) in cotangent.planes.iter().enumerate() {
+                    self.shares.plane_mut(c)[(y + row) * SHARES + x + lane] = share * given[first + lane];
                 }
                 if met <= 0.0 {
                     let mut of_pixel = [0.0; 4];
@@ -178,10 +180,10 @@ impl Views {
     }
 
     /// What each pixel gives to each of its samples, those that have met nothing, and what each sample sees.
-    pub fn seen(&mut self) -> (&[Vec<f32>], &[Blind], impl Iterator<Item = View<'_>>) {
+    pub fn seen(&mut self) -> (&PlaneSet, &[Blind], Vec<View<'_>>) {
         let Views { of_part, codes, shares, blind, .. } = self;
         let views = of_part.iter().zip(codes.chunks_exact_mut(STEP));
-        (shares, blind, views.map(|(of_part, codes)| View::new(of_part, codes)))
+        (shares, blind, views.map(|(of_part, codes)| View::new(of_part, codes)).collect())
     }
 }
 

@@ -22,7 +22,7 @@ const CELLS: usize = 1 << 21;
 pub fn in_waves<S: Send>(
     frame: &Frame,
     scratch: impl Fn() -> S + Sync,
-    work: impl Fn(&mut S, (usize, &Tile)) -> (Vec<Window>, Vec<Light>) + Sync,
+    work: impl Fn(&mut S, (usize, &Tile)) -> Result<(Vec<Window>, Vec<Light>)> + Sync,
     sums: &mut Sums,
     mut add: impl FnMut(Light),
 ) -> Result<()> {
@@ -39,7 +39,7 @@ pub fn in_waves<S: Send>(
             let mut own = at_hand.unwrap_or_else(&scratch);
             let done = work(&mut own, (number * wave + i, tile));
             lock().push(own);
-            Ok(done)
+            done
         };
         let done = tiles.par_iter().enumerate().with_max_len(1).map(of_tile);
         let (windows, lights): (Vec<_>, Vec<_>) = done.collect::<Result<Vec<_>>>()?.into_iter().unzip();
@@ -61,7 +61,7 @@ pub fn read(size: Size, planes: &[f32], origin: (usize, usize), into: &mut TileC
     }
 }
 
-/// What pixels beyond a tile give.
+/// What pixels beyond a tile give, as far as their tiles are swept.
 pub struct Beyond {
     pub channels: Vec<BeyondChannel>,
 }
@@ -73,8 +73,8 @@ pub struct BeyondChannel {
 }
 
 impl Beyond {
-    /// Reads them from planes; zero beyond the frame.
-    pub fn read(size: Size, planes: &[f32], origin: (usize, usize)) -> Beyond {
+    /// Reads them from planes; so much of the tiles on the right and below is swept.
+    pub fn read(size: Size, planes: &[f32], origin: (usize, usize), [right, below]: [f32; 2]) -> Beyond {
         let (x, y) = (origin.0 + TILE.0, origin.1 + TILE.1);
         let of_channel = |plane: &[f32]| {
             let at = |x: usize, y: usize| {
@@ -82,8 +82,8 @@ impl Beyond {
                 if inside { plane[y * size.width + x] } else { 0.0 }
             };
             BeyondChannel {
-                column: std::array::from_fn(|i| at(x, origin.1 + i)),
-                row: std::array::from_fn(|i| at(origin.0 + i, y)),
+                column: std::array::from_fn(|i| right * at(x, origin.1 + i)),
+                row: std::array::from_fn(|i| below * at(origin.0 + i, y)),
             }
         };
         Beyond { channels: planes.chunks_exact(size.pixels()).map(of_channel).collect() }

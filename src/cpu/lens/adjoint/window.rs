@@ -1,5 +1,6 @@
 //! Planes of sums: those of the cells around a tile, and those of the whole frame.
 
+use super::plane_set::PlaneSet;
 use crate::cpu::lens::lanes::FLOATS;
 use crate::memory::Buffer;
 use crate::picture::Size;
@@ -16,6 +17,18 @@ pub enum Target {
     Level,
     /// Cells of a layer in a sweep.
     Swept(usize),
+    /// The shifts of the cells of a layer.
+    Shifts(usize),
+}
+
+impl Target {
+    /// The planes of a picture of so many channels.
+    fn planes(self, channels: usize) -> usize {
+        match self {
+            Target::Given | Target::Level | Target::Swept(_) => channels,
+            Target::Shifts(_) => 1,
+        }
+    }
 }
 
 /// The cells around a tile.
@@ -58,13 +71,13 @@ impl Region {
 pub struct Window {
     pub target: Target,
     pub region: Region,
-    pub planes: Vec<Vec<f32>>,
+    pub planes: PlaneSet,
 }
 
 impl Window {
     /// So many planes of zeros.
     pub fn new(target: Target, region: Region, planes: usize) -> Window {
-        Window { target, region, planes: vec![vec![0.0; region.len()]; planes] }
+        Window { target, region, planes: PlaneSet::zeros(planes, region.len()) }
     }
 }
 
@@ -75,15 +88,16 @@ pub struct Sums {
 }
 
 impl Sums {
-    /// Zeros; the channels of `size` are the planes of each target.
+    /// Zeros.
     pub fn new(size: Size, targets: impl IntoIterator<Item = Target>) -> Sums {
-        let zeros = || Buffer::full(size.pixels() * size.channels, 0.0);
-        Sums { size, targets: targets.into_iter().map(|target| (target, zeros())).collect() }
+        let zeros = |target: Target| Buffer::full(size.pixels() * target.planes(size.channels), 0.0);
+        Sums { size, targets: targets.into_iter().map(|target| (target, zeros(target))).collect() }
     }
 
-    /// The sums of each target, in the order in which they were asked for.
-    pub fn into_planes(self) -> impl Iterator<Item = Buffer<f32>> {
-        self.targets.into_iter().map(|(_, planes)| planes)
+    /// Takes the sums of a target out, which must be there.
+    pub fn take(&mut self, target: Target) -> Buffer<f32> {
+        let at = self.targets.iter().position(|(own, _)| *own == target).expect("the target is summed up");
+        self.targets.swap_remove(at).1
     }
 
     /// Adds windows, in their order. What lies beyond the border is the mirror image of what is added to.
@@ -103,7 +117,7 @@ impl Sums {
                 let frame = padding.pad[0]..padding.pad[0] + width;
                 let inside =
                     columns.start.clamp(frame.start, frame.end)..columns.end.clamp(frame.start, frame.end);
-                let rows = planes[c].chunks_exact(region.stride).take(region.rows);
+                let rows = planes.plane(c).chunks_exact(region.stride).take(region.rows);
                 for (py, row) in (region.first.1..).zip(rows) {
                     let into = &mut plane[padding.row(py).0 * width..][..width];
                     let of = |px: usize| row[px - columns.start];
