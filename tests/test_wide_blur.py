@@ -144,6 +144,7 @@ def test_mirror_images_of_mirror_images_are_those_of_a_larger_frame(shape, reach
 def test_gpu_and_cpu_agree_on_blur_that_is_wider_than_the_picture(gpu, reach_px):
     rng = np.random.default_rng(8)
     color = rng.random((96, 130, 3)).astype(np.float32)
+    color[[30, 70], [20, 100]] = 400.0
     shift = np.where(rng.random((12, 17)) < 0.3, 0.2, 1.0) * reach_px
     disparity = (0.5 + shift.repeat(8, 0).repeat(8, 1)[:, :130] / 1000.0).astype(np.float32)
     lens = dofsim.Lens.from_disparity(strength_px=1000.0, focus=0.5)
@@ -153,7 +154,7 @@ def test_gpu_and_cpu_agree_on_blur_that_is_wider_than_the_picture(gpu, reach_px)
         )
         for device in (gpu, "cpu")
     )
-    assert_allclose(on_gpu, on_cpu, atol=1e-5)
+    assert_allclose(on_gpu, on_cpu, atol=1e-4)
 
 
 @pytest.mark.parametrize(

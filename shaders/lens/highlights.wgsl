@@ -225,9 +225,14 @@ fn visible_from(highlight: Highlight, l: vec2<f32>) -> f32 {
     while k <= path.steps && visible > 0.0 {
         let along = f32(k) * path.slope;
         let moved = vec2<i32>(vec2(rounded(along.x), rounded(along.y)));
-        let padded = highlight.place + moved + params.pad;
+        var padded = highlight.place + moved + params.pad;
         if any(padded < vec2(2)) || any(padded >= vec2<i32>(params.padded) - 2) {
-            break;
+            // Mirror images repeat after twice the frame.
+            let period = 2 * vec2<i32>(params.size);
+            padded = ((padded - 2) % period + period) % period + 2;
+            if any(padded >= vec2<i32>(params.padded) - 2) {
+                break;
+            }
         }
         let inside = steps_inside(padded, path.slope);
         let block = padded / params.block;

@@ -16,7 +16,7 @@ use crate::scene::depth_bounds::any_bin;
 use crate::scene::grid::{BLOCK, TILE};
 use crate::scene::layer::Role;
 use std::cmp::Ordering;
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 /// The part of each pixel's beam that is hidden, over one tile. Cells beside one another may hide more than all of it.
 pub type Hidden = [f32; TILE.0 * TILE.1];
@@ -51,6 +51,7 @@ struct Cell {
 }
 
 /// A highlight, from which beams go to the pixels of a tile.
+#[derive(Clone, Copy)]
 pub struct Shadows<'a> {
     padded: &'a Padded,
     cluster: &'a Cluster,
@@ -124,18 +125,47 @@ impl<'a> Shadows<'a> {
     /// Adds what all cells hide of these pixels' beams.
     #[inline(always)]
     pub fn cast(&self, pixels: &Pixels, hidden: &mut Hidden) {
-        let Padded { padding, bounds, layers, .. } = self.padded;
         // The offsets `e` of the pixels: the least and the greatest along each axis.
         let offsets = [0, 1].map(|i| {
             let ends = [pixels[i].start, pixels[i].end - 1].map(|p| self.sign * (p - self.in_tile[i]));
             [ends[0].min(ends[1]), ends[0].max(ends[1])]
         });
-        // A beam touches cells up to one pixel aside.
+        let [columns, rows] = [0, 1].map(|i| self.images(i, &offsets));
+        for y in rows {
+            columns.clone().for_each(|x| Shadows { place: [x, y], ..*self }.cast_from(&offsets, hidden));
+        }
+    }
+
+    /// The columns or rows from which the highlight's beams are cast: its own, and where mirror images are not laid out again,
+    /// those so many periods away from which beams come back into the padded frame.
+    fn images(&self, i: usize, offsets: &[[i32; 2]; 2]) -> impl Iterator<Item = i32> + Clone + use<> {
+        let own = self.place[i];
+        let periods = self.padded.padding.periods[i].map(|period| {
+            let (first, last) = self.touched(i, 0.0..self.u_max, offsets).into_inner();
+            let period = period as i32;
+            (period, -last.div_euclid(period)..=(period - 1 - first).div_euclid(period))
+        });
+        let (period, numbers) = periods.unwrap_or((0, 0..=0));
+        numbers.map(move |number| own + number * period)
+    }
+
+    /// The columns or rows that beams with these offsets touch: up to one pixel aside.
+    #[inline(always)]
+    fn touched(&self, i: usize, u: Range<f32>, offsets: &[[i32; 2]; 2]) -> RangeInclusive<i32> {
+        let [least, greatest] = offsets[i].map(|e| [u.start * e as f32, u.end * e as f32]);
+        let first = least[0].min(least[1]).ceil() as i32 - 1 + self.place[i];
+        first..=greatest[0].max(greatest[1]).floor() as i32 + 1 + self.place[i]
+    }
+
+    /// Adds what the cells of the padded frame hide of beams with these offsets.
+    #[inline(always)]
+    fn cast_from(&self, offsets: &[[i32; 2]; 2], hidden: &mut Hidden) {
+        let Padded { padding, bounds, layers, .. } = self.padded;
         let touched = |i: usize, u: Range<f32>| {
-            let [least, greatest] = offsets[i].map(|e| [u.start * e as f32, u.end * e as f32]);
-            let last = [padding.stride, padding.rows][i] as i32 - 1;
-            let first = (least[0].min(least[1]).ceil() as i32 - 1 + self.place[i]).max(0);
-            first..=(greatest[0].max(greatest[1]).floor() as i32 + 1 + self.place[i]).min(last)
+            let (first, last) = self.touched(i, u, offsets).into_inner();
+            // Of what is laid out twice, once.
+            let extent = padding.periods[i].unwrap_or([padding.stride, padding.rows][i]);
+            first.max(0)..=last.min(extent as i32 - 1)
         };
         let blocks = |i: usize| {
             let cells = touched(i, 0.0..self.u_max);
@@ -143,7 +173,7 @@ impl<'a> Shadows<'a> {
         };
         for (by, bx) in blocks(1).flat_map(|by| blocks(0).map(move |bx| (by, bx))) {
             let first = [bx, by].map(|b| (b * BLOCK) as i32);
-            let Some(u) = self.passes(first, &offsets) else { continue };
+            let Some(u) = self.passes(first, offsets) else { continue };
             let codes = [u.start, u.end].map(|u| self.code + u / self.u_per_code);
             let codes = [codes[0] as u16, codes[1].ceil() as u16];
             let block = by * bounds.across + bx;
@@ -170,7 +200,7 @@ impl<'a> Shadows<'a> {
                     };
                     let d = [first[0] - self.place[0], y - self.place[1]];
                     let spans = [row(&planes.lo), row(&planes.hi)];
-                    let mut near = within & self.near(spans, d, [from, codes[1]], &offsets);
+                    let mut near = within & self.near(spans, d, [from, codes[1]], offsets);
                     if near == 0 {
                         continue;
                     }
@@ -185,7 +215,7 @@ impl<'a> Shadows<'a> {
                         let index = start + x as usize;
                         let (lo, hi) = (planes.lo[index], planes.hi[index]);
                         let d = [d[0] + x as i32, d[1]];
-                        self.shade(&Cell { index, layer, d, lo, hi }, &offsets, hidden);
+                        self.shade(&Cell { index, layer, d, lo, hi }, offsets, hidden);
                     }
                 }
             }

@@ -24,39 +24,39 @@ pub struct Padding {
     pub stride: usize,
     /// Number of padded rows.
     pub rows: usize,
+    /// After how many columns and rows mirror images repeat, where those of images are not laid out again.
+    pub periods: [Option<usize>; 2],
 }
 
 impl Padding {
     pub fn new(width: usize, height: usize, reach_px: f64, margin: Margin) -> Padding {
         let reach = reach_px.ceil() as usize + 2;
         let whole = [width.next_multiple_of(TILE.0), height.next_multiple_of(TILE.1)];
-        let pad: [usize; 2] = std::array::from_fn(|i| {
-            // The mirror images repeat after twice the frame. A tile at any place of such a period is inside.
-            let period = 2 * [width, height][i] + [TILE.0, TILE.1][i];
-            let enough = match margin {
-                Margin::Reach => reach,
-                Margin::Period => reach.min((period.saturating_sub(whole[i])).div_ceil(2)),
-            };
-            enough.next_multiple_of(BLOCK)
-        });
-        Padding { width, height, pad, stride: whole[0] + 2 * pad[0], rows: whole[1] + 2 * pad[1] }
+        // The mirror images repeat after twice the frame. A tile at any place of such a period is inside.
+        let enough = |i: usize| {
+            let extent = 2 * [width, height][i] + [TILE.0, TILE.1][i];
+            extent.saturating_sub(whole[i]).div_ceil(2)
+        };
+        let repeats = [0, 1].map(|i| margin == Margin::Period && reach > enough(i));
+        let pad = [0, 1].map(|i| if repeats[i] { enough(i) } else { reach }.next_multiple_of(BLOCK));
+        let periods = [0, 1].map(|i| repeats[i].then_some(2 * [width, height][i]));
+        Padding { width, height, pad, stride: whole[0] + 2 * pad[0], rows: whole[1] + 2 * pad[1], periods }
     }
 
     /// The cell that shows the same as `cell` from each pixel of the tile at `origin`, and is inside the padded frame: one
     /// whole period of mirror images farther to some side, or several, where `cell` is not inside itself.
     #[inline(always)]
     pub fn inside(&self, origin: (usize, usize), cell: [i32; 2]) -> [i32; 2] {
-        let along = |i: usize, origin: usize, extent: usize, tile: usize, period: usize| {
-            let place = (origin + self.pad[i]) as i32 + cell[i];
-            if place >= 0 && place as usize + tile <= extent {
-                return cell[i];
+        let along = |i: usize, origin: usize, last: usize| {
+            let first = (origin + self.pad[i]) as i32;
+            match self.periods[i] {
+                Some(period) if !(0..=last as i32).contains(&(first + cell[i])) => {
+                    (first + cell[i]).rem_euclid(period as i32) - first
+                }
+                _ => cell[i],
             }
-            place.rem_euclid(period as i32) - (origin + self.pad[i]) as i32
         };
-        [
-            along(0, origin.0, self.stride, TILE.0, 2 * self.width),
-            along(1, origin.1, self.rows, TILE.1, 2 * self.height),
-        ]
+        [along(0, origin.0, self.stride - TILE.0), along(1, origin.1, self.rows - TILE.1)]
     }
 
     /// Index of pixel `(x, y)` of the frame in the padded arrays.
