@@ -219,8 +219,10 @@ impl<const C: usize> Gather<'_, C> {
                     self.add_borders::<F>((axis, at), met, same[axis], [own, pixels.next[axis]], seen.lens);
                 }
                 // In front of the tile's first pixels others may not be swept.
-                let is_first =
-                    [Lanes::from(pixels.first % TILE.0 == 0), if pixels.first < TILE.0 { ALL } else { 0 }];
+                let is_first = [
+                    Lanes::from(pixels.first.is_multiple_of(TILE.0)),
+                    if pixels.first < TILE.0 { ALL } else { 0 },
+                ];
                 let first = lanes & is_first[axis];
                 if self.around.is_first[axis] && first != 0 {
                     self.add_borders::<F>((axis, at - apart[axis]), met, first, [[zero; C], own], seen.lens);

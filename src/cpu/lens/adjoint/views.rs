@@ -23,7 +23,7 @@ pub const GROUPS: usize = ACROSS * TILE.1;
 /// Parts of a tile beside each other, and all of them.
 const PARTS_ACROSS: usize = TILE.0 / PART.0;
 const PARTS: usize = PARTS_ACROSS * (TILE.1 / PART.1);
-const _: () = assert!(PART.0 % FLOATS == 0);
+const _: () = assert!(PART.0.is_multiple_of(FLOATS));
 
 /// A lens point as seen from behind the focus, and from in front of it.
 pub type LensPoint = [[f32; 2]; 2];
