@@ -149,6 +149,101 @@ def test_what_is_in_focus_gives_the_weights_back():
     np.testing.assert_array_equal(dofsim.vjp(color, depth, LENS, weights)["color"], weights)
 
 
+# Layers
+
+
+def rgba(color, alpha):
+    alpha = np.broadcast_to(alpha, SHAPE)[..., None]
+    return np.concatenate([alpha * color, alpha], axis=2).astype(np.float32)
+
+
+def round_alpha(cx, cy, radius):
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    return np.clip(radius - np.hypot(x - cx, y - cy) + 0.5, 0.0, 1.0)
+
+
+def planes(*depths):
+    return np.stack([np.full(SHAPE, depth) for depth in depths])
+
+
+def whole_layers():
+    """Give a disc before a wall in a first layer without gaps, and the wall behind the disc."""
+    is_near = round_alpha(64, 36, 20) >= 0.5
+    front = rgba(np.where(is_near[..., None], textured(1), textured(2)), 1.0)
+    return np.stack([front, rgba(textured(2), 1.0 * is_near)]), np.stack(
+        [np.where(is_near, 1.3, 5.0), np.full(SHAPE, 5.0)]
+    )
+
+
+def soft_layers():
+    """Give two discs with soft edges, one before the other, and empty space around them."""
+    layers = [rgba(textured(1), round_alpha(50, 30, 18)), rgba(textured(2), round_alpha(76, 40, 26))]
+    return np.stack(layers), planes(1.3, 4.0)
+
+
+def fog():
+    """Give what light passes through, before a disc and a slope."""
+    layers = [
+        rgba(textured(1), 0.3 + 0.2 * (np.mgrid[: SHAPE[0], : SHAPE[1]][1] > 70)),
+        rgba(textured(2), round_alpha(60, 36, 22)),
+        rgba(textured(3), 1.0),
+    ]
+    depth = planes(1.2, 1.8, 5.0)
+    depth[2] += np.linspace(0.0, 2.0, SHAPE[1])
+    return np.stack(layers), depth
+
+
+def random_layers():
+    """Give blocks of any depth and coverage, in any order."""
+    random = np.random.default_rng(11)
+
+    def blocks(values):
+        chosen = random.choice(values, (3, SHAPE[0] // 8, SHAPE[1] // 8 + 1))
+        return chosen.repeat(8, 1).repeat(8, 2)[..., : SHAPE[1]]
+
+    alpha, depth = blocks([0.0, 0.0, 0.4, 1.0, 1.0]), blocks([1.2, 1.6, 2.0, 3.0, 9.0])
+    return np.stack([rgba(textured(20 + i), one) for i, one in enumerate(alpha)]), depth
+
+
+LAYERS = {"whole": whole_layers, "soft": soft_layers, "fog": fog, "random": random_layers}
+
+
+@pytest.mark.parametrize("radius_px", [0.4, 3.0, 12.0])
+@pytest.mark.parametrize("scene", LAYERS)
+def test_the_gradient_of_layers_is_the_adjoint_of_their_render(scene, radius_px):
+    color, depth = LAYERS[scene]()
+    assert_adjoint(color, depth, blurred(LENS, depth, radius_px))
+
+
+@pytest.mark.parametrize(
+    ("changes", "options"),
+    [
+        ({}, {"aperture": dofsim.Aperture(blades=6, rotation=10.0)}),
+        ({}, {"aperture": dofsim.Aperture(obstruction=0.4, spherical=0.5)}),
+        ({"cat_eye": 0.6}, {}),
+        ({"tilt": (10.0, 5.0)}, {}),
+        ({}, {"overscan": 6}),
+        ({}, {"supersample": 2}),
+        ({}, {"views": 100}),
+    ],
+)
+def test_layers_have_their_adjoint_through_lenses_and_apertures(changes, options):
+    for scene in ("fog", "random"):
+        color, depth = LAYERS[scene]()
+        assert_adjoint(color, depth, blurred(LENS, depth, 8.0).replace(**changes), **options)
+
+
+def test_a_layer_alone_is_a_picture():
+    color, depth = wall(1.5, 4.5)
+    lens = blurred(LENS, depth, 6.0)
+    weights = np.random.default_rng(3).standard_normal((*SHAPE, 4)).astype(np.float32)
+    layers = np.stack([rgba(color, 1.0), rgba(color, 0.0)])
+    found = dofsim.vjp(layers, np.stack([depth, depth]), lens, weights)["color"]
+    alone = dofsim.vjp(layers[0], depth, lens, weights)["color"]
+    np.testing.assert_allclose(found[0], alone, atol=1e-5)
+    assert not found[1].any()
+
+
 # Depth and lens
 
 
@@ -359,9 +454,22 @@ def test_what_cannot_be_differentiated_is_named(changes, message):
         dofsim.vjp(**words)
 
 
-def test_layers_are_refused_by_name():
-    layers, depths = np.ones((2, *SHAPE, 4), np.float32), np.stack([np.full(SHAPE, 2.0), np.full(SHAPE, 4.0)])
-    with pytest.raises(ValueError, match=r"color must have shape \(H, W\) or \(H, W, C\), one layer"):
-        dofsim.vjp(layers, depths, LENS, np.ones((*SHAPE, 4)))
+def test_of_layers_only_colours_are_differentiated():
+    color, depth = whole_layers()
+    with pytest.raises(
+        ValueError, match="wrt: gradients of depth and of the lens are for pictures of one layer"
+    ):
+        dofsim.vjp(color, depth, LENS, color[0], wrt="depth")
+    with pytest.raises(ValueError, match=r"color must have shape \(H, W\), \(H, W, C\) or, in layers"):
+        dofsim.vjp(color[None], depth, LENS, color[0])
+    with pytest.raises(ValueError, match=r"cotangent must have the shape \(72, 130, 4\)"):
+        dofsim.vjp(color, depth, LENS, color)
     with pytest.raises(ValueError, match="alpha is part of"):
-        dofsim.jvp(layers[0], depths[0], LENS, {"alpha": 1.0})
+        dofsim.jvp(color, depth, LENS, {"alpha": 1.0})
+
+
+def test_lamps_at_the_edges_of_layers_are_refused():
+    color, depth = whole_layers()
+    color[0, 34:39, 42:47, :3] = 60.0
+    with pytest.raises(ValueError, match="no lamp mixes with another surface at the edge of a first layer"):
+        dofsim.vjp(color, depth, LENS, color[0])

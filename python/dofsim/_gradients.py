@@ -45,10 +45,11 @@ def vjp(
     Parameters
     ----------
     color : ndarray
-        The pinhole picture, shape (H, W) or (H, W, C) with 1 to 4 channels: floats, linear light,
-        premultiplied if the last of 4 channels is coverage.
+        The pinhole picture, shape (H, W) or (H, W, C) with 1 to 4 channels, or layers, shape (L, H, W, 4), by
+        which alone the sum is then differentiated: floats, linear light, premultiplied if the last of 4
+        channels is coverage.
     depth : ndarray
-        What each pixel sees, shape (H, W).
+        What each pixel sees, shape (H, W), or (L, H, W) of layers.
     lens : Lens
         The lens, without `axial_color`, `lateral_color`, `breathing_focal_length_mm`, `coma`, `astigmatism`,
         `barn_doors` and `psf`.
@@ -114,7 +115,7 @@ def vjp(
         by_color = by_color.reshape(color.shape).astype(color.dtype, copy=False)
         found["color"] = by_color
         if "alpha" in names:
-            if color.ndim < 3 or color.shape[2] != 4:
+            if color.ndim < 3 or color.shape[-1] != 4:
                 raise ValueError(f'wrt: "alpha" is the last of 4 channels of color; got shape {color.shape}')
             found["alpha"] = by_color[..., 3]
     if by_depth is not None:
@@ -247,11 +248,11 @@ def _floats(name: str, given: ArrayLike) -> NDArray[Any]:
 
 
 def _picture(color: ArrayLike) -> NDArray[Any]:
-    """Check a picture of one layer."""
+    """Check a picture."""
     array = _floats("color", color)
-    if array.ndim not in (2, 3):
+    if array.ndim not in (2, 3, 4):
         raise ValueError(
-            f"color must have shape (H, W) or (H, W, C), one layer, for gradients; got {array.shape}"
+            f"color must have shape (H, W), (H, W, C) or, in layers, (L, H, W, 4); got {array.shape}"
         )
     return array
 
@@ -288,9 +289,11 @@ def _scene(
 def _weights(given: ArrayLike, color: NDArray[Any], overscan: int, supersample: int) -> NDArray[np.float32]:
     """Check a cotangent, and give it the margin of the picture."""
     cotangent = _floats("cotangent", given)
-    rows, columns = (side // supersample for side in color.shape[:2])
-    channels = color.shape[2] if color.ndim == 3 else 1
-    shape = (rows - 2 * overscan, columns - 2 * overscan, *color.shape[2:])
+    # One layer, of which a picture of several has the shape.
+    of_layer = color.shape[1:] if color.ndim == 4 else color.shape
+    rows, columns = (side // supersample for side in of_layer[:2])
+    channels = of_layer[2] if len(of_layer) == 3 else 1
+    shape = (rows - 2 * overscan, columns - 2 * overscan, *of_layer[2:])
     if cotangent.shape != shape:
         raise ValueError(
             f"cotangent must have the shape {shape} of the rendered picture; got {cotangent.shape}"

@@ -18,7 +18,7 @@ use std::sync::Arc;
 
 /// How a weighted sum of a rendered picture changes, as far as that was asked for.
 pub struct Gradients {
-    /// With each pixel of the picture, interleaved.
+    /// With each pixel of the picture, interleaved, layer after layer.
     pub color: Option<Buffer<f32>>,
     pub depth: Option<ByDepth>,
 }
@@ -45,7 +45,7 @@ struct Prepared {
 
 impl Exposure<'_> {
     /// How the sum of the rendered picture, weighted by `cotangent`, changes. The weights are interleaved, at the size of the
-    /// output. For the method `lens`, and pictures of one layer.
+    /// output. For the method `lens`.
     pub fn gradients(&self, cotangent: &[f32], asked: Asked) -> Result<Gradients> {
         let Exposure { scene, simd, cancel, .. } = *self;
         if asked != Asked::Colors {
@@ -55,7 +55,13 @@ impl Exposure<'_> {
         let input = lens::Input { picture: &picture, scene: &layered, supersample: scene.supersample };
         let Derivatives { colors, shifts } =
             lens::adjoint(&input, &origins, &optics, &settings, (simd, cancel), &weights, asked)?;
-        let color = colors.map(|colors| interleaved(&colors, picture.size));
+        let layer = |planes: &[f32]| interleaved(planes, picture.size);
+        let color = colors.map(|colors| {
+            let layers: Vec<_> =
+                colors.chunks(picture.size.pixels() * picture.size.channels).map(layer).collect();
+            let layers: Vec<&[f32]> = layers.iter().map(|layer| &layer[..]).collect();
+            Buffer::concat(&layers)
+        });
         let depth = shifts.map(|shifts| by_depth(&layered, &optics, shifts, &origins));
         Ok(Gradients { color, depth })
     }
@@ -63,6 +69,12 @@ impl Exposure<'_> {
     /// Refuses lenses whose gradients by depth are not known.
     fn check_lens(&self) -> Result<()> {
         let Exposure { scene, imaging, .. } = *self;
+        if scene.picture.layers.len() > 1 {
+            return Err(value_error!(
+                "wrt: gradients of depth and of the lens are for pictures of one layer; got {} layers",
+                scene.picture.layers.len()
+            ));
+        }
         let map = imaging.disparity_map();
         if scene.picture.layers.iter().any(|layer| !map.keeps(|| layer.disparity_range())) {
             return Err(value_error!(
@@ -86,12 +98,6 @@ impl Exposure<'_> {
                 self.method.name()
             ));
         };
-        if scene.picture.layers.len() > 1 {
-            return Err(value_error!(
-                "gradients are for color and depth of one layer; got {} layers",
-                scene.picture.layers.len()
-            ));
-        }
         for (is_there, words) in [
             (imaging.is_axially_chromatic(), "axial_color"),
             (imaging.is_magnified(), "lateral_color and breathing_focal_length_mm"),

@@ -11,13 +11,13 @@ use crate::method::Method;
 use crate::optics::Imaging;
 use crate::picture::Size;
 use crate::renderer::Renderer;
-use numpy::{PyArray1, PyArray2, PyArray3, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn};
+use numpy::{PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
 
 /// Derivatives by colours; and by disparities, the logarithm of the strength of the lens, and the disparity in focus.
-type Found<'py> = (Option<Bound<'py, PyArray3<f32>>>, Option<(Bound<'py, PyArray2<f32>>, f64, f64)>);
+type Found<'py> = (Option<Bound<'py, PyArray1<f32>>>, Option<(Bound<'py, PyArray2<f32>>, f64, f64)>);
 
 /// A scene through a lens, and the weights of its picture.
 #[pyclass(name = "_Gradients", module = "dofsim._dofsim", frozen)]
@@ -50,7 +50,7 @@ impl PyGradients {
         Ok(PyGradients { renderer, imaging, method: method.0, threads, size, cotangent })
     }
 
-    /// How the sum changes, as far as that is asked for: with `color`, an array like it in float32; with the disparity of each
+    /// How the sum changes, as far as that is asked for: with all values of `color`; with the disparity of each
     /// pixel, with the logarithm of the lens's strength, and with the disparity in focus.
     fn find<'py>(&self, py: Python<'py>, by_color: bool, by_depth: bool) -> PyResult<Found<'py>> {
         let asked = match (by_color, by_depth) {
@@ -66,12 +66,12 @@ impl PyGradients {
                 exposure.gradients(cotangent, asked)
             })
         })?;
-        let Size { height, width, channels } = self.size;
-        let color = color.map(|color| PyArray1::from_slice(py, &color).reshape([height, width, channels]));
+        let Size { height, width, .. } = self.size;
+        let color = color.map(|color| PyArray1::from_slice(py, &color));
         let depth = depth.map(|ByDepth { disparity, log_k, d_focus }| {
             let disparity = PyArray1::from_slice(py, &disparity).reshape([height, width])?;
             PyResult::Ok((disparity, log_k, d_focus))
         });
-        Ok((color.transpose()?, depth.transpose()?))
+        Ok((color, depth.transpose()?))
     }
 }

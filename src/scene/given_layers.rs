@@ -8,12 +8,13 @@ use super::edges::{self, CONNECTED_PX, EDGE};
 use super::front_layer::FrontLayer;
 use super::half_plane::{self, HalfPlane};
 use super::inpaint::{self, Hidden, SAME_SURFACE_PX};
-use super::lamps::take_lamps_apart;
+use super::lamps::{lamps, take_lamps_apart};
 use super::layer::{Role, SceneLayer, Surfaces};
-use super::recipe::Channels;
+use super::origins::{Origin, Origins, Traced};
+use super::recipe::{Cargo, Channels};
 use super::shifts;
 use crate::cancel::Cancel;
-use crate::error::Result;
+use crate::error::{Result, value_error};
 use crate::memory::Buffer;
 use crate::picture::{ChannelGroup, Layer, Picture, Size};
 use crate::simd::Simd;
@@ -26,9 +27,84 @@ pub fn layers(picture: &Picture, lights: usize, k: f64, simd: Simd, cancel: &Can
     let (size, layers, groups) = (picture.size, &picture.layers[..], &picture.carried[..]);
     let n = size.pixels();
     let alpha = size.channels - 1;
+    let mut built = given(picture, k, simd, cancel)?;
+    let covered = |i: usize| layers.iter().any(|l| l.color[alpha * n + i] >= 1.0);
+    let opaque = (0..n).into_par_iter().all(covered);
+    let mut hidden = match Pinhole::new(picture, &built) {
+        Some(pinhole) => {
+            let groups = seen_channels(groups, &built, &pinhole.seen);
+            pinhole.hidden(lights, Channels { groups: &groups, mixed: &[] }, cancel)?
+        }
+        None => Vec::new(),
+    };
+    if let Some((front, others)) = without_gaps(picture, &mut built) {
+        let (s, connectivity) = (Arc::clone(&front.s), Arc::clone(&front.connectivity));
+        let frame = FrontLayer::new(size, lights, &layers[0].color, &s, &connectivity);
+        let left = take_lamps_apart(&frame, groups, front, others, cancel)?;
+        let taken: HashSet<usize> = left.iter().map(|cell| cell.index).collect();
+        hidden.retain(|cell| !taken.contains(&cell.index));
+        hidden.extend(left);
+    }
+    if !hidden.is_empty() {
+        let carried = carried::behind(groups, &[], &[], &hidden);
+        built.push(SceneLayer::of_cells(size, hidden.iter().map(|h| (h.index, h.s, h.color)), carried));
+    }
+    Ok(Surfaces { layers: built, opaque })
+}
+
+/// Where the colours of these layers come from, of a picture that carries no channels.
+pub fn origins(picture: &Picture, lights: usize, k: f64, simd: Simd, cancel: &Cancel) -> Result<Origins> {
+    let (size, n) = (picture.size, picture.size.pixels());
+    let mut built = given(picture, k, simd, cancel)?;
+    if let Some((front, others)) = without_gaps(picture, &mut built) {
+        let frame = FrontLayer::new(size, lights, &picture.layers[0].color, &front.s, &front.connectivity);
+        let lamps = lamps(&FrontLayer { behind: others, ..frame }, cancel)?;
+        if let Some(first) = lamps.first() {
+            return Err(value_error!(
+                "gradients of layers are for pictures in which no lamp mixes with another surface at the edge of a first \
+                 layer without gaps; got {} such pixels, the first at row {}, column {}",
+                lamps.len(),
+                first.index / size.width,
+                first.index % size.width
+            ));
+        }
+    }
+    let mut layers: Vec<_> = built.iter().map(|_| Vec::new()).collect();
+    if let Some(pinhole) = Pinhole::new(picture, &built) {
+        let alpha = &picture.coverage();
+        // What goes on behind a pixel is the cell that the pinhole sees there, whose colour is that of what it covers.
+        let cell = |&(q, weight): &(u32, f32)| {
+            let i = q as usize;
+            let layer = usize::from(pinhole.seen[i]?);
+            Some(((layer * n + i) as u32, weight / alpha[layer][i]))
+        };
+        let of_cell = |h: Hidden<Origin>| {
+            let Origin { color, depth } = h.carried;
+            let [color, depth] = [color, depth].map(|form| form.iter().filter_map(cell).collect());
+            (h.index, Origin { color, depth })
+        };
+        let hidden = pinhole.hidden(lights, Traced { mixed: &[] }, cancel)?;
+        layers.push(hidden.into_iter().map(of_cell).collect());
+    }
+    Ok(Origins { layers })
+}
+
+/// The first layer and the others, if the first one has no gaps: it is a picture.
+fn without_gaps<'a>(
+    picture: &Picture,
+    built: &'a mut [SceneLayer],
+) -> Option<(&'a mut SceneLayer, &'a mut [SceneLayer])> {
+    let whole = picture.coverage()[0].iter().all(|a| *a >= 1.0);
+    built.split_first_mut().filter(|_| whole)
+}
+
+/// The layers as they are given.
+fn given(picture: &Picture, k: f64, simd: Simd, cancel: &Cancel) -> Result<Vec<SceneLayer>> {
+    let (size, groups) = (picture.size, &picture.carried[..]);
+    let first = (size.channels - 1) * size.pixels();
     let build = |(number, layer): (usize, &Layer)| {
         cancel.check()?;
-        let coverage = &layer.color[alpha * n..];
+        let coverage = &layer.color[first..];
         let mut known = shifts::scaled(&layer.disparity, k);
         let s = shifts::of_cells(layer, coverage, size, k, simd);
         // Where there is no cell, the depth that is given for it tells whether a surface ends.
@@ -45,86 +121,80 @@ pub fn layers(picture: &Picture, lights: usize, k: f64, simd: Simd, cancel: &Can
             connectivity: Arc::new(connectivity),
         })
     };
-    let mut built = layers.iter().enumerate().map(build).collect::<Result<Vec<_>>>()?;
-    let covered = |i: usize| layers.iter().any(|l| l.color[alpha * n + i] >= 1.0);
-    let opaque = (0..n).into_par_iter().all(covered);
-    let mut hidden = hidden_by_all(picture, lights, &built, cancel)?;
-    // A first layer without gaps is a picture.
-    if layers[0].color[alpha * n..].iter().all(|a| *a >= 1.0)
-        && let Some((front, others)) = built.split_first_mut()
-    {
-        let (s, connectivity) = (Arc::clone(&front.s), Arc::clone(&front.connectivity));
-        let frame = FrontLayer::new(size, lights, &layers[0].color, &s, &connectivity);
-        let left = take_lamps_apart(&frame, groups, front, others, cancel)?;
-        let taken: HashSet<usize> = left.iter().map(|cell| cell.index).collect();
-        hidden.retain(|cell| !taken.contains(&cell.index));
-        hidden.extend(left);
-    }
-    if !hidden.is_empty() {
-        let carried = carried::behind(groups, &[], &[], &hidden);
-        built.push(SceneLayer::of_cells(size, hidden.iter().map(|h| (h.index, h.s, h.color)), carried));
-    }
-    Ok(Surfaces { layers: built, opaque })
+    picture.layers.iter().enumerate().map(build).collect()
 }
 
-/// What is hidden behind the last surface of each pixel: what the pinhole sees around it continues there, as behind a
-/// single layer. Nothing is found where the layers already have it, nor behind what is only partly there: that is no
-/// surface which hides all.
+/// What the pinhole sees of layers, as a picture of one.
 ///
-/// Where the pinhole sees through all layers it sees a surface without coverage, which lies behind every other and is
-/// none of them. What continues that is empty space, and stays it.
-fn hidden_by_all(
-    picture: &Picture,
-    lights: usize,
-    built: &[SceneLayer],
-    cancel: &Cancel,
-) -> Result<Vec<Hidden>> {
-    let (size, layers) = (picture.size, &picture.layers);
-    let (n, alpha) = (size.pixels(), size.channels - 1);
-    let nowhere = depth_spans::shift_range(built).0 as f32 - 2.0 * SAME_SURFACE_PX;
-    let coverage = |layer: usize, i: usize| layers[layer].color[alpha * n + i];
-    // How much a cell counts as what is seen. What light passes through does not hide what is behind it, which goes on
-    // there: fully from half of the light on.
-    let hides = |layer: usize, i: usize| {
-        let whole = coverage(layer, i);
-        if whole <= 0.0 || whole >= 1.0 {
-            return whole;
-        }
-        let half_plane = |plane: HalfPlane| plane.area * (2.0 * plane.opacity - 1.0).max(0.0);
-        built[layer].half_plane_at(i).map_or(whole, half_plane)
-    };
-    // The pinhole sees the first layer with which half of the pixel is covered.
-    let seen_at = |i: usize| {
-        let mut left = 1.0;
-        let half_covered = |layer: usize| {
-            left *= 1.0 - hides(layer, i);
-            left <= 0.5
-        };
-        (0..layers.len()).position(half_covered).map(|layer| layer as u16)
-    };
-    let seen: Vec<Option<u16>> = (0..n).into_par_iter().map(seen_at).collect();
-    let s_of =
-        |(i, seen): (usize, &Option<u16>)| seen.map_or(nowhere, |layer| built[usize::from(layer)].s[i]);
-    let s: Vec<f32> = seen.par_iter().enumerate().map(s_of).collect();
-    let connectivity = edges::connectivity(&s, size.width, size.height);
-    if connectivity.par_iter().all(|c| c & EDGE == 0) {
-        return Ok(Vec::new());
-    }
-    let color = planes_of(size, &seen, |layer, i| built[layer].colors.at(i));
-    let groups = seen_channels(&picture.carried, built, &seen);
+/// Where it sees through all layers it sees a surface without coverage, which lies behind every other and is none of them.
+/// What continues that is empty space, and stays it.
+struct Pinhole<'a> {
+    picture: &'a Picture,
+    built: &'a [SceneLayer],
+    /// The layer that each pixel sees.
+    seen: Vec<Option<u16>>,
+    s: Vec<f32>,
+    /// The shift of empty space.
+    nowhere: f32,
+    connectivity: Vec<u8>,
+}
 
-    let farthest = |i: usize, least: f32| {
-        let cells = (0..built.len()).filter(|&layer| coverage(layer, i) >= least);
-        cells.map(|layer| built[layer].s[i]).fold(f32::INFINITY, f32::min)
-    };
-    let last = |i: usize| Some(farthest(i, 1.0)).filter(|s| s.is_finite()).unwrap_or(nowhere);
-    let last: Vec<f32> = (0..n).into_par_iter().map(last).collect();
-    let frame = FrontLayer::new(size, lights, &color, &s, &connectivity);
-    let found = inpaint::hidden(&frame, &last, &[], Channels { groups: &groups, mixed: &[] }, cancel)?;
-    let is_new = |h: &Hidden| h.color[alpha] > 0.0 && h.s <= last[h.index] - CONNECTED_PX;
-    // Cells that are only partly there keep their place in front.
-    let behind = |h: Hidden| Hidden { s: h.s.min(farthest(h.index, f32::MIN_POSITIVE)), ..h };
-    Ok(found.into_iter().filter(is_new).map(behind).collect())
+impl Pinhole<'_> {
+    /// `None` if nothing that the pinhole sees hides anything else.
+    fn new<'a>(picture: &'a Picture, built: &'a [SceneLayer]) -> Option<Pinhole<'a>> {
+        let (size, n) = (picture.size, picture.size.pixels());
+        let alpha = picture.coverage();
+        let nowhere = depth_spans::shift_range(built).0 as f32 - 2.0 * SAME_SURFACE_PX;
+        // How much a cell counts as what is seen. What light passes through does not hide what is behind it, which goes on
+        // there: fully from half of the light on.
+        let hides = |layer: usize, i: usize| {
+            let whole = alpha[layer][i];
+            if whole <= 0.0 || whole >= 1.0 {
+                return whole;
+            }
+            let half_plane = |plane: HalfPlane| plane.area * (2.0 * plane.opacity - 1.0).max(0.0);
+            built[layer].half_plane_at(i).map_or(whole, half_plane)
+        };
+        // The pinhole sees the first layer with which half of the pixel is covered.
+        let seen_at = |i: usize| {
+            let mut left = 1.0;
+            let half_covered = |layer: usize| {
+                left *= 1.0 - hides(layer, i);
+                left <= 0.5
+            };
+            (0..alpha.len()).position(half_covered).map(|layer| layer as u16)
+        };
+        let seen: Vec<Option<u16>> = (0..n).into_par_iter().map(seen_at).collect();
+        let s_of =
+            |(i, seen): (usize, &Option<u16>)| seen.map_or(nowhere, |layer| built[usize::from(layer)].s[i]);
+        let s: Vec<f32> = seen.par_iter().enumerate().map(s_of).collect();
+        let connectivity = edges::connectivity(&s, size.width, size.height);
+        let hides_some = connectivity.par_iter().any(|c| c & EDGE != 0);
+        hides_some.then_some(Pinhole { picture, built, seen, s, nowhere, connectivity })
+    }
+
+    /// What is hidden behind the last surface of each pixel: what the pinhole sees around it continues there, as behind a
+    /// single layer. Nothing is found where the layers already have it, nor behind what is only partly there: that is no
+    /// surface which hides all.
+    fn hidden<K: Cargo>(&self, lights: usize, cargo: K, cancel: &Cancel) -> Result<Vec<Hidden<K::Load>>> {
+        let Pinhole { picture, built, seen, s, nowhere, connectivity } = self;
+        let (size, n) = (picture.size, picture.size.pixels());
+        let alpha = picture.coverage();
+        let color = planes_of(size, seen, |layer, i| built[layer].colors.at(i));
+        let farthest = |i: usize, least: f32| {
+            let cells = (0..built.len()).filter(|&layer| alpha[layer][i] >= least);
+            cells.map(|layer| built[layer].s[i]).fold(f32::INFINITY, f32::min)
+        };
+        let last = |i: usize| Some(farthest(i, 1.0)).filter(|s| s.is_finite()).unwrap_or(*nowhere);
+        let last: Vec<f32> = (0..n).into_par_iter().map(last).collect();
+        let frame = FrontLayer::new(size, lights, &color, s, connectivity);
+        let found = inpaint::hidden(&frame, &last, &[], cargo, cancel)?;
+        let is_new =
+            |h: &Hidden<K::Load>| h.color[size.channels - 1] > 0.0 && h.s <= last[h.index] - CONNECTED_PX;
+        // Cells that are only partly there keep their place in front.
+        let behind = |h: Hidden<K::Load>| Hidden { s: h.s.min(farthest(h.index, f32::MIN_POSITIVE)), ..h };
+        Ok(found.into_iter().filter(is_new).map(behind).collect())
+    }
 }
 
 /// What the cells of a layer carry: what pixels hold of them is of the part that they cover.

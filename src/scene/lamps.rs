@@ -5,7 +5,7 @@ use super::colors::CellColor;
 use super::front_layer::FrontLayer;
 use super::inpaint::{Hidden, SAME_SURFACE_PX};
 use super::layer::SceneLayer;
-use super::matting::{Separated, unmix};
+use super::matting::{MixedPixel, Separated, unmix};
 use super::mixed_cells::{half_planes, split};
 use crate::cancel::Cancel;
 use crate::error::Result;
@@ -24,7 +24,7 @@ pub fn take_lamps_apart(
     cancel: &Cancel,
 ) -> Result<Vec<Hidden>> {
     let frame = &FrontLayer { behind: others, ..*frame };
-    let mixed = unmix(frame, Separated::lamps(frame), cancel)?;
+    let mixed = lamps(frame, cancel)?;
     let carried = carried::of_mixed(frame, &mixed, groups);
     let mut s = Buffer::clone(&front.s);
     front.partial = Arc::new(half_planes(frame, &mixed));
@@ -40,6 +40,11 @@ pub fn take_lamps_apart(
     });
     let behind: Vec<Behind> = behind.collect();
     Ok(sorted_in(others, behind))
+}
+
+/// The pixels of a first layer that mix a lamp and another surface.
+pub fn lamps(frame: &FrontLayer, cancel: &Cancel) -> Result<Vec<MixedPixel>> {
+    unmix(frame, Separated::lamps(frame), cancel)
 }
 
 /// The colour of a cell, and its values in each group of carried channels.

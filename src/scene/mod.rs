@@ -114,7 +114,7 @@ impl Scene {
         prepared(&self.layered, picture, optics.k, build)
     }
 
-    /// The same layers, of a picture of one, and the pixels of which they are made. What is not at hand is found together.
+    /// The same layers, and the pixels of which they are made. Those of a picture of one layer are found together.
     pub(crate) fn layered_with_origins(
         &self,
         picture: &Arc<Picture>,
@@ -123,6 +123,11 @@ impl Scene {
         cancel: &Cancel,
     ) -> Result<(Arc<LayeredScene>, Arc<Origins>)> {
         check_radius(picture, optics)?;
+        if picture.layers.len() > 1 {
+            let layered = self.layered(picture, optics, simd, cancel)?;
+            let find = || given_layers::origins(picture, self.lights, optics.k, simd, cancel);
+            return Ok((layered, prepared(&self.origins, picture, optics.k, find)?));
+        }
         let mut layered = None;
         let find = || {
             let (found, origins) = layered::build_with_origins(picture, self.lights, optics.k, simd, cancel)?;

@@ -67,18 +67,18 @@ pub fn layers_with_origins(
     let hidden = inpaint::hidden(&frame, &surface.s, &mixed, Traced { mixed: &of_mixed }, cancel)?;
     let partial = half_planes(&frame, &mixed);
     let surfaces = surface.separated(picture, (&mixed, partial), &hidden, [Vec::new(), Vec::new()]);
-    let mut origins = Origins::default();
+    let (mut in_front, mut behind) = (Vec::new(), Vec::new());
     for (m, [front, back]) in mixed.iter().zip(of_mixed) {
         // As in `split`.
         if m.coverage > 0.0 {
-            origins.front.push((m.index, front));
-            origins.behind.push((m.index, back));
+            in_front.push((m.index, front));
+            behind.push((m.index, back));
         } else {
-            origins.front.push((m.index, back));
+            in_front.push((m.index, back));
         }
     }
-    origins.behind.extend(hidden.into_iter().map(|h| (h.index, h.carried)));
-    Ok((surfaces, origins))
+    behind.extend(hidden.into_iter().map(|h| (h.index, h.carried)));
+    Ok((surfaces, Origins { layers: vec![in_front, behind] }))
 }
 
 /// The visible surface of a picture of one layer.

@@ -11,7 +11,7 @@ use super::recipe::{Cargo, Source};
 use crate::picture::Weighting;
 use rayon::prelude::*;
 
-/// Pixels with their weights.
+/// Pixels with their weights; in the picture's layers, pixel `i` of layer `l` of `n` pixels is number `l n + i`.
 pub type Form = Vec<(u32, f32)>;
 
 /// Where the colour and the depth of a cell come from.
@@ -21,13 +21,11 @@ pub struct Origin {
     pub depth: Form,
 }
 
-/// The cells that are not made of their own pixel alone.
+/// The cells of each layer of a scene that are not made of their own pixel alone, in the same layer of the picture. Behind the
+/// layers of the picture, these are all cells.
 #[derive(Default)]
 pub struct Origins {
-    /// Those of the first layer.
-    pub front: Vec<(usize, Origin)>,
-    /// All cells of the layer behind it.
-    pub behind: Vec<(usize, Origin)>,
+    pub layers: Vec<Vec<(usize, Origin)>>,
 }
 
 /// The origins of both surfaces of every mixed pixel, for light.

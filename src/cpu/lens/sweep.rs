@@ -105,7 +105,7 @@ fn sweep_of_groups_for(simd: Simd) -> SweepFn<[TileColor]> {
     }
 }
 
-/// Visits what a tile meets, as [`visit_hits`] does, of a scene through which no light passes.
+/// Visits what a tile meets, as [`visit_hits`] does.
 ///
 /// # Safety
 ///
@@ -118,7 +118,6 @@ pub unsafe fn visit_tile(
     missed: Missed,
     visit: impl FnMut(&Pixels, &Segments, &Hits),
 ) {
-    debug_assert!(!padded.translucent);
     // SAFETY: the instructions have been detected, otherwise this `Simd` would not exist; the rest is this function's
     // contract.
     unsafe {

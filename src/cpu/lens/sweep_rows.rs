@@ -33,6 +33,11 @@ impl Hits {
         self.weights.clear();
     }
 
+    /// How much of the cells of a hit is seen, if that is not whole.
+    pub fn weights_of(&self, hit: &Hit) -> Option<&Weights> {
+        hit.weights.map(|number| &self.weights[number as usize])
+    }
+
     /// Adds what a segment has met, by the weights that the cells are seen with, if that is not whole.
     pub fn push(&mut self, segment: &Segment, cells: [u32; ROWS], weights: Option<&Weights>) {
         let Segment { layer, offset, number, .. } = *segment;

@@ -1,6 +1,6 @@
 //! The cells around a tile, in arrays of their own: how the picture changes from each to the next, and what is added to them.
 
-use super::Asked;
+use super::job::Asked;
 use super::met::Met;
 use super::plane_set::PlaneSet;
 use super::views::Reach;

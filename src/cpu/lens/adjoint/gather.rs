@@ -14,73 +14,56 @@
 
 use super::around::{Around, Layer, Sums, is_one_surface};
 use super::met::Met;
-use super::plane_set::{PlaneSet, group};
-use super::views::{Blind, SHARES, View, Views};
+use super::plane_set::group;
+use super::views::{ACROSS, Blind, GROUPS, LensPoint, SHARES, Views};
 #[cfg(target_arch = "x86_64")]
 use crate::cpu::lens::lanes::Avx2Floats;
 use crate::cpu::lens::lanes::{FLOATS, Floats};
-use crate::plan::lens::lens_samples::LensSample;
 use crate::scene::grid::TILE;
 use crate::simd::{InstructionSet, Simd};
-use std::ops::Range;
 
-/// Pixels of a row, a bit for each.
-type Row = u64;
-const _: () = assert!(TILE.0 == Row::BITS as usize);
-const ALL: Row = Row::MAX;
-/// Pixels of a row that have a neighbour behind them in the tile.
-const NOT_LAST: Row = ALL >> 1;
+/// Some of the pixels of a group, a bit for each.
+type Lanes = u16;
+const ALL: Lanes = Lanes::MAX;
+/// All but the last one.
+const NOT_LAST: Lanes = ALL >> 1;
+const NOTHING: [u32; FLOATS] = [Met::NOTHING.code(); FLOATS];
 
-/// A lens point as seen from behind the focus, and from in front of it.
-type LensPoint = [[f32; 2]; 2];
-
-/// Adds to the cells around a tile.
+/// Adds to the cells around a tile what its pixels see.
 pub struct Gather<'a, const C: usize> {
     pub around: &'a mut Around,
-    /// What each pixel of the tile, and those beyond its last column and row, give to each of their samples.
-    pub shares: &'a PlaneSet,
+    pub views: &'a Views,
+    /// Whether the derivatives by shifts are added, too.
+    pub of_shifts: bool,
 }
 
-/// Rows of a tile that are worked on together. What they meet through lens points of about the same height is in a few rows,
-/// and so in the cache of a core: a tile of a wide blur is not.
-const STRIP: usize = 8;
-
-/// Adds what the samples of a tile see; if it is asked for, also how the sum changes with the shifts of the cells. Pixels that
-/// have met nothing keep the colour of their own cell of the first layer.
-pub fn add<const C: usize>(
-    views: &mut Views,
-    around: &mut Around,
-    simd: Simd,
-    samples: &[LensSample],
-    of_shifts: bool,
-) {
-    let (shares, blind, views) = views.seen();
-    for Blind { pixel, given } in blind {
-        let at = around.index(*pixel, Met::OWN);
-        let sums = around.layers[0].sums.as_mut().expect("every tile may meet the first layer");
-        (0..C).for_each(|c| sums.by_color.plane_mut(c)[at] += given[c]);
-    }
-    let mut gather = Gather::<C> { around, shares };
-    let mut by_height: Vec<usize> = (0..views.len()).collect();
-    by_height.sort_by(|a, b| samples[*a].behind[1].total_cmp(&samples[*b].behind[1]));
-    for y in (0..TILE.1).step_by(STRIP) {
-        for &number in &by_height {
-            let sample = of_shifts.then(|| &samples[number]);
-            gather.add(simd, &views[number], sample, y..y + STRIP);
-        }
-    }
+/// Pixels beside each other.
+struct Pixels<F, const C: usize> {
+    /// The first of them in the tile.
+    first: usize,
+    /// What each gives to each of its samples; and what the next ones along each axis give, to as many.
+    own: [F; C],
+    next: [[F; C]; 2],
+    /// Those that have a next one along each axis in the tile.
+    inside: [Lanes; 2],
 }
 
-/// Some pixels beside each other of which a few have met the same.
-struct Group {
-    /// The first pixel in the tile.
-    pixel: usize,
-    met: Met,
-    /// A bit for each of them.
-    lanes: u16,
-    /// Those whose next pixel along each axis has met the same, too: their cells are neighbours. Beyond the tile they are taken
-    /// to.
-    same: [u16; 2],
+/// What they have met through one lens point, and what the next ones below, and the one behind the last of them. Beyond the tile
+/// that is the same.
+struct Seen<'a> {
+    lens: &'a LensPoint,
+    own: [u32; FLOATS],
+    below: [u32; FLOATS],
+    behind: u32,
+}
+
+impl Seen<'_> {
+    /// What the next pixel along an axis has met.
+    #[inline(always)]
+    fn next(&self, axis: usize, lane: usize) -> Met {
+        let right = || if lane + 1 < FLOATS { self.own[lane + 1] } else { self.behind };
+        Met::of_code(if axis == 0 { right() } else { self.below[lane] })
+    }
 }
 
 /// Two pixels beside each other along an axis, and what they have met.
@@ -104,22 +87,6 @@ fn both<T>(of: impl Fn(usize) -> T) -> [T; 2] {
     [of(0), of(1)]
 }
 
-/// The pixels of a row that have met the same as those of another.
-///
-/// # Safety
-///
-/// The instructions of `F` have been detected.
-#[inline(always)]
-unsafe fn equal<F: Floats>(a: &[u32], b: &[u32]) -> Row {
-    let (mut all, mut x) = (0, 0);
-    while x < TILE.0 {
-        // SAFETY: per the function's contract.
-        all |= Row::from(unsafe { F::same(group(a, x), group(b, x)) }) << x;
-        x += FLOATS;
-    }
-    all
-}
-
 macro_rules! instantiate {
     ($($name:ident, $floats:ty, $($feature:literal)?;)*) => {
         $(
@@ -127,14 +94,11 @@ macro_rules! instantiate {
             ///
             /// The instructions have been detected.
             $(#[target_feature(enable = $feature)])?
-            unsafe fn $name<const C: usize>(
-                gather: &mut Gather<C>,
-                view: &View,
-                lens: Option<&LensPoint>,
-                rows: Range<usize>,
-            ) {
-                // SAFETY: per the function's contract.
-                unsafe { gather.add_with::<$floats>(view, lens, rows) }
+            unsafe fn $name<const C: usize>(gather: &mut Gather<C>) {
+                for group in 0..GROUPS {
+                    // SAFETY: per the function's contract.
+                    unsafe { gather.add_pixels::<$floats>(group) };
+                }
             }
         )*
     };
@@ -150,163 +114,152 @@ instantiate! {
 }
 
 impl<const C: usize> Gather<'_, C> {
-    /// Adds the shares of the cells that a sample meets from some rows of the tile; of a known one also how the sum changes with
-    /// the shifts of the cells.
-    fn add(&mut self, simd: Simd, view: &View, sample: Option<&LensSample>, rows: Range<usize>) {
-        let lens = sample.map(|sample| [sample.behind, sample.in_front].map(|point| point.map(|v| v as f32)));
+    /// Adds the shares of all cells that are met, and how the sum changes with their shifts. Pixels that have met nothing keep
+    /// the colour of their own cell of the first layer.
+    pub fn add(&mut self, simd: Simd) {
+        for Blind { pixel, given } in self.views.given().1 {
+            let at = self.around.index(*pixel, Met::OWN);
+            let sums = self.around.layers[0].sums.as_mut().expect("every tile may meet the first layer");
+            (0..C).for_each(|c| sums.by_color.plane_mut(c)[at] += given[c]);
+        }
         // SAFETY: the instructions have been detected, otherwise this `Simd` would not exist.
         unsafe {
             match simd.instruction_set() {
-                InstructionSet::Portable => portable(self, view, lens.as_ref(), rows),
+                InstructionSet::Portable => portable(self),
                 #[cfg(target_arch = "x86_64")]
-                InstructionSet::Avx2 => avx2(self, view, lens.as_ref(), rows),
+                InstructionSet::Avx2 => avx2(self),
                 #[cfg(target_arch = "x86_64")]
-                InstructionSet::Avx512 => avx512(self, view, lens.as_ref(), rows),
+                InstructionSet::Avx512 => avx512(self),
             }
         }
     }
 
+    /// What pixels from one on give to each of their samples.
+    ///
     /// # Safety
     ///
     /// The instructions of `F` have been detected.
     #[inline(always)]
-    unsafe fn add_with<F: Floats>(&mut self, view: &View, lens: Option<&LensPoint>, rows: Range<usize>) {
+    unsafe fn shares<F: Floats>(&self, at: usize) -> [F; C] {
+        let from = self.views.given().0.groups::<C>(0, at);
         // SAFETY: per the function's contract.
         unsafe {
-            match view {
-                View::Even(met) => self.add_even::<F>(*met, lens, rows),
-                View::Uneven(codes) => self.add_uneven::<F>(codes, lens, rows),
+            let mut shares = [F::all(0.0); C];
+            for c in 0..C {
+                shares[c] = F::load(from[c]);
             }
+            shares
         }
     }
 
-    /// Adds a view in which all pixels have met the same.
+    /// Adds what the pixels of one group see through all lens points, one after another: what they give stays at hand.
     ///
     /// # Safety
     ///
     /// The instructions of `F` have been detected.
     #[inline(always)]
-    unsafe fn add_even<F: Floats>(&mut self, met: Met, lens: Option<&LensPoint>, rows: Range<usize>) {
-        for y in rows {
-            let (mut ends, mut x) = ([0; 2], 0);
-            while x < TILE.0 {
-                let group = Group { pixel: y * TILE.0 + x, met, lanes: u16::MAX, same: [u16::MAX; 2] };
-                // SAFETY: per the function's contract.
-                unsafe { self.add_group::<F>(&group, lens, &mut ends) };
-                x += FLOATS;
-            }
-            if let Some(lens) = lens {
-                self.add_pairs(y, ends, lens, |_| met);
-            }
-        }
-    }
-
-    /// Adds a view by what each pixel has met.
-    ///
-    /// # Safety
-    ///
-    /// The instructions of `F` have been detected.
-    #[inline(always)]
-    unsafe fn add_uneven<F: Floats>(&mut self, codes: &[u32], lens: Option<&LensPoint>, rows: Range<usize>) {
-        let nothing = [Met::NOTHING.code(); FLOATS];
-        for y in rows {
-            let row = &codes[y * TILE.0..][..TILE.0];
-            let (mut right, mut below) = (ALL, ALL);
-            if lens.is_some() {
-                let mut next = [row[TILE.0 - 1]; TILE.0];
-                next[..TILE.0 - 1].copy_from_slice(&row[1..]);
-                // SAFETY: per the function's contract.
-                right = unsafe { equal::<F>(row, &next) };
-                if y + 1 < TILE.1 {
-                    // SAFETY: per the function's contract.
-                    below = unsafe { equal::<F>(row, &codes[(y + 1) * TILE.0..][..TILE.0]) };
-                }
-            }
-            let (mut ends, mut x) = ([!right, !below], 0);
-            while x < TILE.0 {
-                let of_group = |row: Row| (row >> x) as u16;
-                let same = [of_group(right), of_group(below)];
-                let own = group(row, x);
-                // SAFETY: per the function's contract.
-                let mut left = !unsafe { F::same(own, &nothing) };
+    unsafe fn add_pixels<F: Floats>(&mut self, group: usize) {
+        let (views, (x, y)) = (self.views, (group % ACROSS, group / ACROSS));
+        let (is_last, first) = ([x + 1 == ACROSS, y + 1 == TILE.1], y * TILE.0 + x * FLOATS);
+        let share = of_share(first);
+        let (own, right) = (views.of_group(group), (!is_last[0]).then(|| views.of_group(group + 1)));
+        let below = (!is_last[1]).then(|| views.of_group(group + ACROSS));
+        // SAFETY: per the function's contract.
+        unsafe {
+            let pixels = Pixels {
+                first,
+                own: self.shares(share),
+                next: [self.shares(share + 1), self.shares(share + SHARES)],
+                inside: [if is_last[0] { NOT_LAST } else { ALL }, if is_last[1] { 0 } else { ALL }],
+            };
+            for (rank, lens) in views.lens.iter().enumerate() {
+                let own = own.at(rank);
+                let behind = right.map_or(own[FLOATS - 1], |right| right.first(rank));
+                let seen = Seen { lens, own, below: below.map_or(own, |below| below.at(rank)), behind };
+                let mut left = !F::same(&own, &NOTHING);
                 while left != 0 {
-                    let met = Met::of_code(own[left.trailing_zeros() as usize]);
-                    // SAFETY: per the function's contract.
-                    let lanes = unsafe { F::same(own, &[met.code(); FLOATS]) };
+                    let met = own[left.trailing_zeros() as usize];
+                    let lanes = F::same(&own, &[met; FLOATS]);
                     left &= !lanes;
-                    let group = Group { pixel: y * TILE.0 + x, met, lanes, same };
-                    // SAFETY: per the function's contract.
-                    unsafe { self.add_group::<F>(&group, lens, &mut ends) };
+                    self.add_cells::<F>(&pixels, &seen, Met::of_code(met), lanes);
                 }
-                x += FLOATS;
-            }
-            if let Some(lens) = lens {
-                self.add_pairs(y, ends, lens, |pixel| Met::of_code(codes[pixel]));
             }
         }
     }
 
-    /// Adds the shares of a group, and of a known lens point what the borders change that lie between its pixels and the next
-    /// ones. Notes the pixels behind which surfaces end.
+    /// Adds the shares of the cells that some pixels have met, what the borders change that lie between these and the next ones,
+    /// and what pairs of pixels change which have met something else.
     ///
     /// # Safety
     ///
     /// The instructions of `F` have been detected.
     #[inline(always)]
-    unsafe fn add_group<F: Floats>(
-        &mut self,
-        &Group { pixel, met, lanes, same }: &Group,
-        lens: Option<&LensPoint>,
-        row_ends: &mut [Row; 2],
-    ) {
-        let (at, share) = (self.around.index(pixel, met), of_share(pixel));
+    unsafe fn add_cells<F: Floats>(&mut self, pixels: &Pixels<F, C>, seen: &Seen, met: Met, lanes: Lanes) {
+        let at = self.around.index(pixels.first, met);
         // SAFETY: per the function's contract.
         unsafe {
             let zero = F::all(0.0);
             let mut own = [zero; C];
+            for c in 0..C {
+                own[c] = F::choose(lanes, pixels.own[c], zero);
+            }
             let Layer { sums, .. } = &mut self.around.layers[met.layer()];
             let Sums { by_color, .. } = sums.as_mut().expect("the layer is met");
-            let (shares, by_color) = (self.shares.groups::<C>(0, share), by_color.groups_mut::<C>(at));
-            for (c, sum) in by_color.into_iter().enumerate() {
-                own[c] = F::choose(lanes, F::load(shares[c]), zero);
-                F::load(sum).add(own[c]).store(sum);
+            for (sum, own) in by_color.groups_mut::<C>(at).into_iter().zip(own) {
+                F::load(sum).add(own).store(sum);
             }
-            let Some(lens) = lens else { return };
+            if !self.of_shifts {
+                return;
+            }
+            let right = lanes >> 1 | Lanes::from(seen.behind == met.code()) << (FLOATS - 1);
+            let same = [lanes & right, lanes & F::same(&seen.below, &[met.code(); FLOATS])];
             let apart = [1, self.around.region.stride];
-            let is_first = self.around.is_first;
             for axis in 0..2 {
-                let pairs = lanes & same[axis];
-                if pairs != 0 {
-                    let shares = self.shares.groups::<C>(0, share + [1, SHARES][axis]);
-                    let mut next = [zero; C];
-                    for c in 0..C {
-                        next[c] = F::load(shares[c]);
+                if same[axis] != 0 {
+                    self.add_borders::<F>((axis, at), met, same[axis], [own, pixels.next[axis]], seen.lens);
+                }
+                // In front of the tile's first pixels others may not be swept.
+                let is_first = [
+                    Lanes::from(pixels.first.is_multiple_of(TILE.0)),
+                    if pixels.first < TILE.0 { ALL } else { 0 },
+                ];
+                let first = lanes & is_first[axis];
+                if self.around.is_first[axis] && first != 0 {
+                    self.add_borders::<F>((axis, at - apart[axis]), met, first, [[zero; C], own], seen.lens);
+                }
+            }
+            let ends = self.ends(at, met);
+            for axis in 0..2 {
+                let mut pairs = lanes & (!same[axis] | ends[axis]) & pixels.inside[axis];
+                while pairs != 0 {
+                    let lane = pairs.trailing_zeros() as usize;
+                    pairs &= pairs - 1;
+                    let next = seen.next(axis, lane);
+                    if next != Met::NOTHING {
+                        let pixel = pixels.first + lane;
+                        let (pixels, mets) = ([pixel, pixel + [1, TILE.0][axis]], [met, next]);
+                        let at = [at + lane, self.around.index(pixels[1], next)];
+                        self.add_pair(&Pair { pixels, mets, at, axis }, seen.lens);
                     }
-                    self.add_borders::<F>((axis, at), met, pairs, [own, next], lens);
-                }
-                // In front of the frame's first pixels there are no others.
-                let first = [u16::from(pixel % TILE.0 == 0), if pixel < TILE.0 { u16::MAX } else { 0 }][axis];
-                if is_first[axis] && lanes & first != 0 {
-                    self.add_borders::<F>(
-                        (axis, at - apart[axis]),
-                        met,
-                        lanes & first,
-                        [[zero; C], own],
-                        lens,
-                    );
                 }
             }
         }
+    }
+
+    /// The cells from `at` on behind which their surface ends, along each axis.
+    #[inline(always)]
+    fn ends(&self, at: usize, met: Met) -> [Lanes; 2] {
         let ends = group(&self.around.layers[met.layer()].ends, at);
-        if u128::from_ne_bytes(*ends) != 0 {
-            for (axis, row_ends) in row_ends.iter_mut().enumerate() {
-                let mut found = 0u16;
-                for i in 0..FLOATS {
-                    found |= u16::from(ends[i] >> axis & 1) << i;
-                }
-                *row_ends |= Row::from(found & lanes) << (pixel % TILE.0);
-            }
+        if u128::from_ne_bytes(*ends) == 0 {
+            return [0; 2];
         }
+        both(|axis| {
+            let mut found = 0;
+            for (i, ends) in ends.iter().enumerate() {
+                found |= Lanes::from(ends >> axis & 1) << i;
+            }
+            found
+        })
     }
 
     /// Adds what the borders change that are next along an axis to the cells from `at` on, which are met, each in the one of two
@@ -320,7 +273,7 @@ impl<const C: usize> Gather<'_, C> {
         &mut self,
         (axis, at): (usize, usize),
         met: Met,
-        lanes: u16,
+        lanes: Lanes,
         [in_front, behind]: [[F; C]; 2],
         lens: &LensPoint,
     ) {
@@ -340,27 +293,6 @@ impl<const C: usize> Gather<'_, C> {
                 dot = dot.add(share.mul(F::load(slopes[c])));
             }
             F::load(sum).add(F::choose(lanes, along.mul(dot), F::all(0.0))).store(sum);
-        }
-    }
-
-    /// Adds what pairs of pixels change: some of row `y`, and their neighbours behind them along each axis, as far as these
-    /// are in the tile.
-    #[inline(always)]
-    fn add_pairs(&mut self, y: usize, pairs: [Row; 2], lens: &LensPoint, met: impl Fn(usize) -> Met) {
-        let inside = [NOT_LAST, if y + 1 < TILE.1 { ALL } else { 0 }];
-        for axis in 0..2 {
-            let mut pixels = pairs[axis] & inside[axis];
-            while pixels != 0 {
-                let pixel = y * TILE.0 + pixels.trailing_zeros() as usize;
-                pixels &= pixels - 1;
-                let next = pixel + [1, TILE.0][axis];
-                let mets = [met(pixel), met(next)];
-                if mets[0] != Met::NOTHING && mets[1] != Met::NOTHING {
-                    let pixels = [pixel, next];
-                    let at = both(|k| self.around.index(pixels[k], mets[k]));
-                    self.add_pair(&Pair { pixels, mets, at, axis }, lens);
-                }
-            }
         }
     }
 
@@ -408,7 +340,7 @@ impl<const C: usize> Gather<'_, C> {
         let across = of_share(pixels[usize::from(along * t - away <= 0.0)]);
         let mut dot = 0.0;
         for c in 0..C {
-            dot += self.shares.plane(c)[across] * borders[axis].plane(1 + c)[at];
+            dot += self.views.given().0.plane(c)[across] * borders[axis].plane(1 + c)[at];
         }
         let Sums { by_border, .. } = sums.as_mut().expect("the layer is met");
         by_border[axis].plane_mut(0)[at] += along * dot;
@@ -426,7 +358,7 @@ impl<const C: usize> Gather<'_, C> {
         let mut dot = 0.0;
         for c in 0..C {
             let change = layers[1].color.plane(c)[at[1]] - layers[0].color.plane(c)[at[0]];
-            dot += self.shares.plane(c)[across] * change;
+            dot += self.views.given().0.plane(c)[across] * change;
         }
         let sums = self.around.layers[mets[k].layer()].sums.as_mut().expect("the layer is met");
         sums.by_shift.plane_mut(0)[at[k]] += part * along * dot;

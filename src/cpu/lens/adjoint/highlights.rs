@@ -1,12 +1,14 @@
 //! The adjoint of drawing highlights: of the light of each, what arrives.
 
 use crate::cpu::lens::frame::Frame;
-use crate::cpu::lens::highlights::Disc;
-use crate::cpu::lens::shadows::{Hidden, Shadows};
+use crate::cpu::lens::highlights::{Disc, HighlightPass};
+use crate::cpu::lens::shadows::{Hidden, Pixels, Shadows};
 use crate::cpu::lens::tile_color::TileColor;
 use crate::plan::lens::disc;
+use crate::plan::lens::highlights::Cluster;
 use crate::plan::lens::tiles::Tile;
 use crate::scene::grid::TILE;
+use std::ops::Range;
 
 /// What a highlight contributes by its light in each channel, and how that changes with its shift, for all of its light.
 pub struct Light {
@@ -51,6 +53,23 @@ impl RunningSums {
     }
 }
 
+/// The pixels of a tile that may have light of a cluster.
+fn lit(pass: &HighlightPass, cluster: &Cluster, tile: &Tile) -> Option<Pixels> {
+    let (mut across, mut down): (Range<i32>, Range<i32>) = (TILE.0 as i32..0, TILE.1 as i32..0);
+    for number in cluster.members.clone() {
+        for Disc { step, .. } in pass.discs(number, tile) {
+            pass.visit_disc(number, step, 1.0, tile.origin, |y, (first, end), _| {
+                let [first, end] = [first, end].map(|x| x.clamp(0, TILE.0 as i32));
+                if first < end {
+                    across = across.start.min(first)..across.end.max(end);
+                    down = down.start.min(y as i32)..down.end.max(y as i32 + 1);
+                }
+            });
+        }
+    }
+    (!across.is_empty()).then_some([across, down])
+}
+
 /// What a tile takes of the highlights that reach it.
 pub fn adjoint(frame: &Frame, number: usize, tile: &Tile, cotangent: &TileColor) -> Vec<Light> {
     let (pass, highlights) = (frame.highlight_pass(), &frame.highlights);
@@ -63,7 +82,7 @@ pub fn adjoint(frame: &Frame, number: usize, tile: &Tile, cotangent: &TileColor)
             hidden.fill(0.0);
             let middle = &highlights.all[cluster.middle];
             let shadows = Shadows::new(cluster, middle, tile.origin, &frame.padded);
-            let lit = [0..TILE.0 as i32, 0..TILE.1 as i32];
+            let Some(lit) = lit(&pass, cluster, tile) else { continue };
             frame.simd.run(
                 #[inline(always)]
                 || shadows.cast(&lit, hidden),

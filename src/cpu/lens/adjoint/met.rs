@@ -24,7 +24,7 @@ impl Met {
 
     /// The number that says all of it.
     #[inline(always)]
-    pub fn code(self) -> u32 {
+    pub const fn code(self) -> u32 {
         self.0
     }
 

@@ -10,17 +10,18 @@ mod disc;
 mod gather;
 mod highlights;
 mod in_focus;
+mod job;
 mod met;
 mod own_shifts;
 mod plane_set;
 mod scratch;
 mod sharpening;
 mod shifts;
+mod through;
 mod views;
 mod waves;
 mod window;
 
-use super::disc::Gather;
 use super::frame::Frame;
 use super::group::{Group, Input, Sharpening};
 use super::widen::Widening;
@@ -38,54 +39,25 @@ use crate::plan::lens::tiles::Tile;
 use crate::scene::origins::{Form, Origin, Origins};
 use crate::simd::Simd;
 use highlights::Light;
+pub use job::Asked;
+use job::Job;
 use rayon::prelude::*;
 use scratch::Scratch;
 use std::collections::BTreeSet;
 use waves::in_waves;
 use window::{Sums, Target};
 
-/// By what the weighted sum of a rendered picture is differentiated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Asked {
-    Colors,
-    Shifts,
-    Both,
-}
-
-impl Asked {
-    fn colors(self) -> bool {
-        self != Asked::Shifts
-    }
-
-    fn shifts(self) -> bool {
-        self != Asked::Colors
-    }
-}
-
 /// The derivatives, as far as they were asked for.
 #[derive(Default)]
 pub struct Derivatives {
-    /// By the picture: planes of its size.
+    /// By the picture: planes of its size for each of its layers.
     pub colors: Option<Buffer<f32>>,
     /// By the shifts of the cells of each layer.
     pub shifts: Option<Vec<Buffer<f32>>>,
 }
 
-/// A frame, and the weights of the picture that is rendered of it.
-struct Job<'a> {
-    frame: &'a Frame<'a>,
-    size: Size,
-    asked: Asked,
-    cotangent: &'a [f32],
-    /// The channels of the picture, and their exact discs.
-    group: &'a Group<'a>,
-    discs: Gather<'a>,
-    /// The discs beside those of surfaces of one depth, if they are asked for.
-    beside: Kernels,
-}
-
-/// The adjoint of [`render`](super::render) for a picture of one layer: `cotangent` has planes of its size. `origins` are
-/// those of the scene. Derivatives by shifts are for lenses that show all of the opening everywhere.
+/// The adjoint of [`render`](super::render): `cotangent` has planes of the picture's size. `origins` are those of the scene.
+/// Derivatives by shifts are for pictures of one layer, and for lenses that show all of the opening everywhere.
 pub fn adjoint(
     input: &Input,
     origins: &Origins,
@@ -141,7 +113,7 @@ pub fn adjoint(
         let level = sums.take(Target::Level);
         let swept = of_drawn(input, frame, size, swept)?;
         let cells = of_cells(frame, size, swept, &level, &light);
-        found.colors = Some(of_pixels(size, sums.take(Target::Given), &cells, origins));
+        found.colors = Some(of_pixels(size, &sums.take(Target::Given), &cells, origins, &group.coverage));
     }
     Ok(found)
 }
@@ -196,40 +168,64 @@ fn of_cells(
     swept
 }
 
-/// What the pixels of a picture contribute: themselves, and as the origins of cells.
-fn of_pixels(size: Size, given: Buffer<f32>, cells: &[Buffer<f32>], origins: &Origins) -> Buffer<f32> {
+/// What the pixels of each layer of a picture contribute: themselves, as what the pinhole sees, and as the origins of cells.
+/// `coverage` is that of each of several layers.
+fn of_pixels(
+    size: Size,
+    given: &[f32],
+    cells: &[Buffer<f32>],
+    origins: &Origins,
+    coverage: &[&[f32]],
+) -> Buffer<f32> {
     let n = size.pixels();
-    let mut out = given;
-    out.par_chunks_mut(n).enumerate().for_each(|(c, out)| {
+    let mut out = Buffer::full(coverage.len().max(1) * size.channels * n, 0.0);
+    let mut planes: Vec<_> = out.chunks_mut(n).collect();
+    let mut channels: Vec<Vec<&mut [f32]>> = (0..size.channels).map(|_| Vec::new()).collect();
+    planes.drain(..).enumerate().for_each(|(i, plane)| channels[i % size.channels].push(plane));
+    channels.par_iter_mut().zip(given.par_chunks(n)).enumerate().for_each(|(c, (out, given))| {
         let of_layer = |cells: &'_ Buffer<f32>| cells[c * n..][..n].to_vec();
-        add_origins(out, cells.iter().map(of_layer), origins, |origin| &origin.color);
+        add_origins(out, cells.iter().map(of_layer), origins, coverage, |origin| &origin.color);
+        let mut left = given.to_vec();
+        for (i, out) in out.iter_mut().enumerate() {
+            out.iter_mut().zip(&left).for_each(|(out, v)| *out += v);
+            if let Some(coverage) = coverage.get(i) {
+                left.iter_mut().zip(*coverage).for_each(|(left, a)| *left *= 1.0 - a);
+            }
+        }
     });
     out
 }
 
-/// The derivative by the shift of each pixel, from those by the shifts of cells.
+/// The derivative by the shift of each pixel of a picture of one layer, from those by the shifts of cells.
 pub fn by_pixel(size: Size, cells: Vec<Buffer<f32>>, origins: &Origins) -> Buffer<f32> {
     let mut out = Buffer::full(size.pixels(), 0.0);
     let cells = cells.iter().map(|cells| cells.to_vec());
-    add_origins(&mut out, cells, origins, |origin| &origin.depth);
+    add_origins(&mut [&mut out], cells, origins, &[], |origin| &origin.depth);
     out
 }
 
-/// Adds one plane of each layer to the pixels of which its cells are made.
+/// Adds one plane of the cells of each layer to those of the picture's layers of whose pixels they are made.
 fn add_origins(
-    out: &mut [f32],
-    layers: impl Iterator<Item = Vec<f32>>,
+    out: &mut [&mut [f32]],
+    cells: impl Iterator<Item = Vec<f32>>,
     origins: &Origins,
+    coverage: &[&[f32]],
     form: impl Fn(&Origin) -> &Form,
 ) {
-    for ((layer, mut plane), listed) in layers.enumerate().zip([&origins.front, &origins.behind]) {
-        for (index, origin) in listed {
+    for (layer, mut plane) in cells.enumerate() {
+        let n = plane.len();
+        for (index, origin) in origins.layers.get(layer).into_iter().flatten() {
             let v = std::mem::take(&mut plane[*index]);
-            form(origin).iter().for_each(|&(q, weight)| out[q as usize] += weight * v);
+            form(origin).iter().for_each(|&(q, weight)| out[q as usize / n][q as usize % n] += weight * v);
         }
-        // A cell without origins is its own pixel; behind the first layer there is none.
-        if layer == 0 {
-            out.iter_mut().zip(&plane).for_each(|(out, v)| *out += v);
+        // A cell without origins is its own pixel, of whose colour it has that of what it covers.
+        let Some(out) = out.get_mut(layer) else { continue };
+        match coverage.get(layer) {
+            None => out.iter_mut().zip(&plane).for_each(|(out, v)| *out += v),
+            Some(coverage) => {
+                let cells = out.iter_mut().zip(&plane).zip(*coverage).filter(|(_, a)| **a > 0.0);
+                cells.for_each(|((out, v), a)| *out += v / a);
+            }
         }
     }
 }

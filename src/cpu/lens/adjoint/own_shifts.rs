@@ -1,6 +1,6 @@
 //! What pixels change with their own shift, which decides how they are blurred: in exact discs, and in focus.
 
-use super::Job;
+use super::job::Job;
 use super::window::{Region, Target, Window};
 use crate::cpu::lens::tile_color::TileColor;
 use crate::plan::lens::disc::extent;

@@ -1,12 +1,13 @@
 //! What tiles are worked on with, one after another.
 
 use super::around::Around;
-use super::gather;
+use super::gather::Gather;
 use super::highlights::{self, Light};
+use super::job::Job;
 use super::views::Views;
 use super::waves::{Beyond, read};
 use super::window::Window;
-use super::{Job, disc, in_focus, own_shifts};
+use super::{disc, in_focus, own_shifts, through};
 use crate::cpu::lens::disc::RunningSums;
 use crate::cpu::lens::in_focus::{Composite, first_of};
 use crate::cpu::lens::segments::Segments;
@@ -107,18 +108,23 @@ impl Scratch {
         let Scratch { segments, views, around, given, .. } = self;
         let Work::Sweep { occupied, .. } = &tile.work else { unreachable!("the tile is swept") };
         frame.trace(segments, tile, samples, occupied);
+        if frame.padded.translucent {
+            around.take(frame, (tile.origin, [true; 2]), through::reach(frame, tile));
+            // SAFETY: the segments have just been traced there.
+            unsafe { through::add(frame, segments, tile, given, around) };
+            return;
+        }
         let (x, y) = tile.origin;
         let (right, below) = (swept(job, x + TILE.0, y), swept(job, x, y + TILE.1));
         let beyond = Beyond::read(size, job.cotangent, tile.origin, [right, below]);
         // SAFETY: the segments have just been traced there.
-        unsafe { views.look(frame, segments, tile.origin, given, &beyond) };
+        unsafe { views.look(frame, segments, (tile.origin, frame.samples(samples)), given, &beyond) };
         let is_swept =
             |x: Option<usize>, y: Option<usize>| x.zip(y).is_some_and(|(x, y)| swept(job, x, y) > 0.0);
         let is_first = [!is_swept(x.checked_sub(TILE.0), Some(y)), !is_swept(Some(x), y.checked_sub(TILE.1))];
         around.take(frame, (tile.origin, is_first), views.reach);
-        let samples = frame.samples(samples);
         with_channels!(size.channels, C => {
-            gather::add::<C>(views, around, frame.simd, samples, asked.shifts());
+            Gather::<C> { around, views, of_shifts: asked.shifts() }.add(frame.simd);
         });
     }
 }

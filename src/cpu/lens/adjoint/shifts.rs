@@ -1,6 +1,6 @@
 //! How a weighted sum of the rendered picture changes with the shift of each cell.
 
-use super::Job;
+use super::job::Job;
 use super::window::{Sums, Target};
 use crate::cpu::lens::frame::Frame;
 use crate::memory::Buffer;

@@ -12,24 +12,30 @@ use crate::cpu::lens::sweep_rows::Hit;
 use crate::cpu::lens::sweep_tiles::Pixels;
 use crate::cpu::lens::tile_color::TileColor;
 use crate::memory::Buffer;
+use crate::plan::lens::lens_samples::LensSample;
 use crate::scene::grid::TILE;
 
-/// Pixels of a tile.
-pub const PIXELS: usize = TILE.0 * TILE.1;
-/// From the pixels of one sample to those of the next. A power of two would put the same pixel of all samples into the same
-/// few lines of the cache.
-const STEP: usize = PIXELS + 16;
 /// From the shares of one row to those of the next. Behind the last column and row are those of the pixels beyond the tile.
 pub const SHARES: usize = TILE.0 + FLOATS;
+/// Groups of pixels in a row of a tile, and all of them.
+pub const ACROSS: usize = TILE.0 / FLOATS;
+pub const GROUPS: usize = ACROSS * TILE.1;
 /// Parts of a tile beside each other, and all of them.
-const ACROSS: usize = TILE.0 / PART.0;
-const PARTS: usize = ACROSS * (TILE.1 / PART.1);
+const PARTS_ACROSS: usize = TILE.0 / PART.0;
+const PARTS: usize = PARTS_ACROSS * (TILE.1 / PART.1);
+const _: () = assert!(PART.0.is_multiple_of(FLOATS));
+
+/// A lens point as seen from behind the focus, and from in front of it.
+pub type LensPoint = [[f32; 2]; 2];
 
 /// What every sample of a tile sees.
 pub struct Views {
-    /// For each sample and part of the tile: what all of its pixels meet, if it is the same.
-    of_part: Vec<[Met; PARTS]>,
-    /// What each pixel of each sample meets, where it is not the same for a whole part.
+    /// The samples by their height, so that what one after the other sees lies in the same rows; and the rank of each.
+    pub lens: Vec<LensPoint>,
+    ranks: Vec<usize>,
+    /// For each part of the tile and each rank: what all of its pixels meet, if it is the same.
+    of_part: Vec<Met>,
+    /// For each group of pixels and each rank: what each of the pixels meets, where that is not the same for a whole part.
     codes: Buffer<u32>,
     /// What each pixel gives to each of its samples, in each channel.
     shares: PlaneSet,
@@ -52,50 +58,80 @@ pub struct Blind {
     pub given: [f32; 4],
 }
 
-/// What one sample of a tile sees.
-pub enum View<'a> {
-    /// All pixels meet the same.
-    Even(Met),
-    /// The codes of what each pixel meets.
-    Uneven(&'a [u32]),
+/// What some pixels beside each other see, by rank.
+#[derive(Clone, Copy)]
+pub struct GroupViews<'a> {
+    of_part: &'a [Met],
+    codes: &'a [u32],
+}
+
+impl GroupViews<'_> {
+    /// The codes of what the pixels meet through the lens point of a rank.
+    #[inline(always)]
+    pub fn at(&self, rank: usize) -> [u32; FLOATS] {
+        match self.of_part[rank] {
+            Met::NOTHING => {
+                *self.codes[rank * FLOATS..].first_chunk().expect("there are codes for each rank")
+            }
+            met => [met.code(); FLOATS],
+        }
+    }
+
+    /// The code of what the first of them meets.
+    #[inline(always)]
+    pub fn first(&self, rank: usize) -> u32 {
+        match self.of_part[rank] {
+            Met::NOTHING => self.codes[rank * FLOATS],
+            met => met.code(),
+        }
+    }
 }
 
 impl Views {
     pub fn new(channels: usize) -> Views {
         let shares = PlaneSet::zeros(channels, SHARES * (TILE.1 + 1));
-        let reach = Reach::default();
-        Views { of_part: Vec::new(), codes: Buffer::unset(0), shares, blind: Vec::new(), reach }
+        Views {
+            lens: Vec::new(),
+            ranks: Vec::new(),
+            of_part: Vec::new(),
+            codes: Buffer::unset(0),
+            shares,
+            blind: Vec::new(),
+            reach: Reach::default(),
+        }
     }
 
-    /// Looks at the tile at `origin`, of which each pixel gives `cotangent`. The pixels beyond its last column and row are
-    /// taken to give to as many samples as the tile has.
+    /// Looks at the tile at `origin` through samples, of which each pixel gives `cotangent`. The pixels beyond its last column
+    /// and row are taken to give to as many samples as the tile has.
     ///
     /// # Safety
     ///
-    /// The segments were traced in the frame's padded arrays, from the tile at `origin`.
+    /// The segments of these samples were traced in the frame's padded arrays, from the tile at `origin`.
     pub unsafe fn look(
         &mut self,
         frame: &Frame,
         segments: &mut Segments,
-        origin: (usize, usize),
+        (origin, samples): ((usize, usize), &[LensSample]),
         cotangent: &TileColor,
         beyond: &Beyond,
     ) {
-        let samples = segments.samples();
+        let count = segments.samples();
+        self.rank(&samples[..count]);
         self.of_part.clear();
-        self.of_part.resize(samples, [Met::NOTHING; PARTS]);
-        if self.codes.len() < samples * STEP {
-            self.codes = Buffer::full(samples * STEP, Met::NOTHING.code());
+        self.of_part.resize(PARTS * count, Met::NOTHING);
+        let len = GROUPS * self.stride();
+        if self.codes.len() < len {
+            self.codes = Buffer::full(len, Met::NOTHING.code());
         } else if !segments.seen.is_empty() {
             // A part of a tile leaves out the samples that none of its pixels sees.
-            self.codes[..samples * STEP].fill(Met::NOTHING.code());
+            self.codes[..len].fill(Met::NOTHING.code());
         }
         self.blind.clear();
         // Pixels that meet nothing see their own cells of the first layer.
         self.reach = Reach { cells: 0, layers: 1 };
         for (c, beyond) in beyond.channels.iter().enumerate() {
             let shares = self.shares.plane_mut(c);
-            let share = 1.0 / samples as f32;
+            let share = 1.0 / count as f32;
             (0..TILE.1).for_each(|y| shares[y * SHARES + TILE.0] = share * beyond.column[y]);
             (0..TILE.0).for_each(|x| shares[TILE.1 * SHARES + x] = share * beyond.row[x]);
         }
@@ -114,6 +150,24 @@ impl Views {
                 },
             );
         }
+    }
+
+    /// Ranks samples by their height.
+    fn rank(&mut self, samples: &[LensSample]) {
+        let mut order: Vec<usize> = (0..samples.len()).collect();
+        order.sort_by(|a, b| samples[*a].behind[1].total_cmp(&samples[*b].behind[1]));
+        self.ranks.resize(samples.len(), 0);
+        order.iter().enumerate().for_each(|(rank, number)| self.ranks[*number] = rank);
+        let point =
+            |sample: &LensSample| [sample.behind, sample.in_front].map(|point| point.map(|v| v as f32));
+        self.lens.clear();
+        self.lens.extend(order.iter().map(|number| point(&samples[*number])));
+    }
+
+    /// From the codes of one group of pixels to those of the next. A power of two would put the same sample of all groups into
+    /// the same few lines of the cache.
+    fn stride(&self) -> usize {
+        (self.ranks.len() + 1) * FLOATS
     }
 
     /// Divides what some pixels give among the samples that have met something.
@@ -153,10 +207,11 @@ impl Views {
     #[inline(always)]
     fn note(&mut self, stride: usize, pixels: &Pixels, segments: &Segments, hits: &[Hit]) {
         let ((x, y), count) = (pixels.at, pixels.cells);
-        let part = y / PART.1 * ACROSS + x / PART.0;
+        let part = y / PART.1 * PARTS_ACROSS + x / PART.0;
         for segment in &segments.met {
             let met = self.reaching(Met::new(segment.layer, segment.offset, stride));
-            self.of_part[segments.sample_of(segment.number)][part] = met;
+            let rank = self.ranks[segments.sample_of(segment.number)];
+            self.of_part[part * self.ranks.len() + rank] = met;
         }
         let mut hits = hits.iter().peekable();
         for &(sample, _) in &segments.unknown {
@@ -172,31 +227,31 @@ impl Views {
                     }
                 }
             }
-            let view = &mut self.codes[sample as usize * STEP..][..PIXELS];
-            for row in 0..ROWS {
-                view[(y + row) * TILE.0 + x..][..count].copy_from_slice(&mets[row][..count]);
+            let of_rank = self.ranks[sample as usize] * FLOATS;
+            for (row, mets) in mets.iter().enumerate() {
+                for (i, mets) in mets[..count].chunks(FLOATS).enumerate() {
+                    let x = x + i * FLOATS;
+                    let group = (y + row) * ACROSS + x / FLOATS;
+                    let at = group * self.stride() + of_rank + x % FLOATS;
+                    self.codes[at..at + mets.len()].copy_from_slice(mets);
+                }
             }
         }
     }
 
-    /// What each pixel gives to each of its samples, those that have met nothing, and what each sample sees.
-    pub fn seen(&mut self) -> (&PlaneSet, &[Blind], Vec<View<'_>>) {
-        let Views { of_part, codes, shares, blind, .. } = self;
-        let views = of_part.iter().zip(codes.chunks_exact_mut(STEP));
-        (shares, blind, views.map(|(of_part, codes)| View::new(of_part, codes)).collect())
+    /// What each pixel gives to each of its samples, and those that have met nothing.
+    pub fn given(&self) -> (&PlaneSet, &[Blind]) {
+        (&self.shares, &self.blind)
     }
-}
 
-impl View<'_> {
-    /// What one sample sees, of what it sees in whole parts and elsewhere.
-    fn new<'a>(of_part: &[Met; PARTS], codes: &'a mut [u32]) -> View<'a> {
-        if of_part[0] != Met::NOTHING && of_part.iter().all(|met| *met == of_part[0]) {
-            return View::Even(of_part[0]);
+    /// What the pixels of a group see.
+    pub fn of_group(&self, group: usize) -> GroupViews<'_> {
+        let samples = self.ranks.len();
+        let (x, y) = (group % ACROSS * FLOATS, group / ACROSS);
+        let part = y / PART.1 * PARTS_ACROSS + x / PART.0;
+        GroupViews {
+            of_part: &self.of_part[part * samples..][..samples],
+            codes: &self.codes[group * self.stride()..][..samples * FLOATS],
         }
-        for (part, met) in of_part.iter().enumerate().filter(|(_, met)| **met != Met::NOTHING) {
-            let (x, y) = (part % ACROSS * PART.0, part / ACROSS * PART.1);
-            (y..y + PART.1).for_each(|y| codes[y * TILE.0 + x..][..PART.0].fill(met.code()));
-        }
-        View::Uneven(codes)
     }
 }
