@@ -37,9 +37,12 @@ METHODS: dict[str, Callable[[Bundle, dofsim.Lens], NDArray]] = {
     "taps": lambda b, lens: dofsim.render(b["color"], b["depth"], lens, method="taps"),
     "sprites": lambda b, lens: dofsim.render(b["color"], b["depth"], lens, method="sprites"),
     "lens": lambda b, lens: dofsim.render(b["color"], b["depth"], lens),
-    # The first one averaged over pixels, as `rgbd` gives it; those behind, sampled at pixel centres.
+    # The first one averaged over pixels, as a renderer's beauty is; those behind, sampled at pixel centres.
     "lens, 2 layers": lambda b, lens: dofsim.render(b["layers_color_1x"][:2], b["layers_depth_1x"][:2], lens),
     "lens, 4 layers": lambda b, lens: dofsim.render(b["layers_color_1x"], b["layers_depth_1x"], lens),
+    # What each surface covers of its pixel, and all of them averaged over pixels: as `rgbd` gives layers, and
+    # as deep files have them.
+    "lens, 4 covered": lambda b, lens: dofsim.render(b["covered_color"], b["covered_depth"], lens),
     "lens, 3x": lambda b, lens: dofsim.render(b["color_ss3"], b["depth_ss3"], lens, supersample=SUPERSAMPLE),
     "lens, 3x, 4 layers": lambda b, lens: dofsim.render(
         b["layers_color"], b["layers_depth"], lens, supersample=SUPERSAMPLE

@@ -15,12 +15,11 @@ mi = pytest.importorskip("mitsuba", reason="Mitsuba 3 is the reference: pip inst
 
 import dofsim  # noqa: E402
 from dofsim.metrics import psnr  # noqa: E402
-from dofsim.mitsuba._capture import averaged  # noqa: E402
 from fidelity import noiseless_psnr  # noqa: E402
 from oracle.gather import gather  # noqa: E402
 from scenes.around import intrinsics, poses, rim  # noqa: E402
 from scenes.camera import Camera  # noqa: E402
-from scenes.capture import Capture  # noqa: E402
+from scenes.capture import Capture, with_means  # noqa: E402
 from scenes.shapes import X_RIGHT, bitmap, glow, wall  # noqa: E402
 from scenes.textures import scattered  # noqa: E402
 from scenes.variant import choose_variant  # noqa: E402
@@ -92,7 +91,7 @@ def test_four_layers_at_three_times_the_resolution(name):
 def test_a_second_layer_tells_what_one_can_only_guess(name):
     shot = pictures(name)
     color, depth = shot["layers_color_1x"][:2].copy(), np.ascontiguousarray(shot["layers_depth_1x"][:2])
-    color[0] = averaged(color[0], depth[0], shot["color"])
+    color[0] = with_means(color[0], shot["color"])
     two = dofsim.render(color, depth, lens_of(CAMERA))[..., :3]
     one = dofsim.render(shot["color"], shot["depth"], lens_of(CAMERA))
     assert distance_db(two, shot["halves"]) > distance_db(one, shot["halves"]) + 2.0
@@ -115,7 +114,7 @@ def test_what_other_views_saw_is_as_good_as_layers(name):
     )
     views = distance_db(dofsim.render(layers, depths, lens_of(CAMERA))[..., :3], shot["halves"])
     color = shot["layers_color_1x"].copy()
-    color[0] = averaged(color[0], shot["layers_depth_1x"][0], shot["color"])
+    color[0] = with_means(color[0], shot["color"])
     true = dofsim.render(color, np.ascontiguousarray(shot["layers_depth_1x"]), lens_of(CAMERA))[..., :3]
     one = dofsim.render(shot["color"], shot["depth"], lens_of(CAMERA))
     assert views > distance_db(true, shot["halves"]) - 3.0

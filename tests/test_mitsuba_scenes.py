@@ -12,7 +12,7 @@ mi = pytest.importorskip("mitsuba", reason="Mitsuba 3 is the reference: pip inst
 import dofsim  # noqa: E402
 from dofsim import io, metrics  # noqa: E402
 from dofsim.mitsuba import compare, find_llvm, rgbd  # noqa: E402
-from dofsim.mitsuba._capture import averaged  # noqa: E402
+from dofsim.mitsuba._coverage import merged  # noqa: E402
 from scenes.variant import choose_variant  # noqa: E402
 
 WIDTH, HEIGHT = 48, 36
@@ -171,37 +171,62 @@ def check_layers(capture):
 
 
 def test_layers():
-    capture = rgbd(words(), spp=2, layers=4)
+    capture = rgbd(words(), spp=1, layers=4)
     check_layers(capture)
     assert capture.render().shape == (HEIGHT, WIDTH, 4)
 
 
-def test_a_first_layer_without_gaps_is_averaged_over_pixels():
-    first = np.ones((6, 12, 4), np.float32)
-    depth = np.full((6, 12), 2.0, np.float32)
-    depth[:, 5:], first[5, 4, :3] = 9.0, 40.0
-    out = averaged(first, depth, np.full((6, 12, 3), 0.5, np.float32))
-    assert np.all(out[..., :3] == 0.5)
-    assert np.all(out[..., 3] == 1.0)
+def test_surfaces_at_one_depth_are_one_and_hide_themselves():
+    """Two rays of a pixel: one meets a ball, its other side and the wall, the other one the wall alone."""
+    color, depth = np.zeros((2, 3, 1, 1, 4), np.float32), np.full((2, 3, 1, 1), np.inf, np.float32)
+    depth[0, :, 0, 0], depth[1, 0, 0, 0] = [2.0, 2.02, 10.0], 10.2
+    color[0, :, 0, 0] = [[4, 0, 0, 1], [0, 4, 0, 1], [0, 0, 4, 1]]
+    color[1, 0, 0, 0] = [0, 0, 2, 1]
+    out, out_depth = merged(color, depth, gap=0.02)
+    np.testing.assert_allclose(out[:, 0, 0], [[2, 0, 0, 0.5], [0, 0, 3, 1], [0, 0, 0, 0]])
+    np.testing.assert_allclose(1 / out_depth[:2, 0, 0], [1 / 2.0, (1 / 10.0 + 1 / 10.2) / 2], rtol=1e-6)
+    assert np.isinf(out_depth[2, 0, 0])
+    apart, _ = merged(color, depth, gap=0.001)
+    np.testing.assert_allclose(apart[:, 0, 0, 3], [0.5, 0.5, 1.0])
 
 
-def test_a_first_layer_with_gaps_is_averaged_but_for_the_edges_of_highlights():
-    first = np.ones((6, 12, 4), np.float32)
-    depth = np.broadcast_to(np.linspace(2.0, 2.2, 12, dtype=np.float32), (6, 12)).copy()
-    depth[:, 5:] = 9.0
-    first[0, 0], depth[0, 0] = 0.0, np.inf
-    first[5, 4, :3] = 40.0
-    first[2, 9, :3] = 40.0
-    means = np.full((6, 12, 3), 0.5, np.float32)
-    expected = np.full((6, 12), 0.5)
-    # Beside the empty pixel, and beside a highlight where its surface ends.
-    expected[:2, :2] = 1.0
-    expected[0, 0] = 0.0
-    expected[4:, 4:6] = 1.0
-    expected[5, 4] = 40.0
-    out = averaged(first, depth, means)
-    np.testing.assert_array_equal(out[..., :3], np.repeat(expected[..., None], 3, -1))
-    np.testing.assert_array_equal(out[..., 3], first[..., 3])
+def test_what_there_is_no_layer_for_is_in_the_last_one():
+    color, depth = np.ones((4, 2, 1, 1, 4), np.float32), np.full((4, 2, 1, 1), np.inf, np.float32)
+    depth[:, 0, 0, 0] = [1.0, 2.0, 4.0, np.inf]
+    color[:, 1] = 0.0
+    out, out_depth = merged(color, depth, gap=0.01)
+    np.testing.assert_allclose(out[:, 0, 0, 3], [0.25, 0.75])
+    np.testing.assert_allclose(1 / out_depth[:, 0, 0], [1.0, (1 / 2 + 1 / 4 + 0) / 3])
+
+
+def test_alpha_is_the_part_of_a_pixel_that_a_surface_covers():
+    color, depth, _ = rgbd(words(), spp=36, layers=3)
+    near = np.abs(depth - 2.5) < 0.6
+    covered = np.where(near, color[..., 3], 0.0).sum(axis=0)
+    rays = rgbd(words(), spp=1, supersample=6).depth < 3.2
+    wanted = rays.reshape(HEIGHT, 6, WIDTH, 6).mean(axis=(1, 3))
+    assert np.abs(covered - wanted).max() < 0.08
+    assert ((covered > 0.1) & (covered < 0.9)).sum() > 20
+    # The pinhole sees what it sees of all layers over one another.
+    seen, passing = np.zeros((HEIGHT, WIDTH, 3)), np.ones((HEIGHT, WIDTH, 1))
+    for layer in color:
+        seen += passing * layer[..., :3]
+        passing = passing * (1 - layer[..., 3:])
+    np.testing.assert_allclose(passing, 0.0, atol=1e-6)
+    beauty = rgbd(words(), spp=36).color
+    assert np.abs(seen - beauty).mean() < 0.01
+
+
+def test_a_lamp_that_few_rays_meet_has_its_light():
+    # A third of a pixel wide.
+    towards = (TARGET - ORIGIN) / np.linalg.norm(TARGET - ORIGIN)
+    lamp = {"type": "sphere", "center": list(ORIGIN + 4.0 * towards + [0.05, 0.03, 0.0]), "radius": 0.014}
+    scene = words() | {"lamp": lamp | {"emitter": {"type": "area", "radiance": 4000.0}}}
+    del scene["near"], scene["far"]
+    color, _, _ = rgbd(scene, spp=16, layers=2)
+    beauty = rgbd(scene, spp=16).color[..., 0]
+    assert beauty.max() > 100.0
+    assert color[0, ..., 0].sum() == pytest.approx(beauty.sum(), rel=0.02)
 
 
 def test_layers_in_focus_are_as_smooth_as_one():
@@ -216,6 +241,7 @@ def test_layers_in_focus_are_as_smooth_as_one():
     scene["wall"]["emitter"] = {"type": "area", "radiance": checks}
     several, single = rgbd(scene, spp=9, layers=2), rgbd(scene, spp=9)
     np.testing.assert_array_equal(several.color[0, ..., :3], single.color)
+    np.testing.assert_array_equal(several.color[1:], 0.0)
     assert rgbd(scene, spp=1, layers=2).color[0, ..., 0].std() > 2.0 * single.color[..., 0].std()
 
 
@@ -225,7 +251,9 @@ def test_colors_of_a_surface_that_ends_before_nothing_are_its_own():
     color, depth, _ = rgbd(scene, spp=16, layers=2)
     ball = np.isfinite(depth[0])
     assert 0 < ball.sum() < ball.size
-    np.testing.assert_allclose(color[0][ball], np.tile([3.0, 1.0, 1.0, 1.0], (ball.sum(), 1)), rtol=1e-5)
+    covered = color[0][ball][:, 3:]
+    assert ((covered > 0.0) & (covered < 1.0)).any()
+    np.testing.assert_allclose(color[0][ball], covered * [[3.0, 1.0, 1.0, 1.0]], rtol=1e-5)
     np.testing.assert_array_equal(color[0][~ball], 0.0)
 
 
@@ -234,7 +262,7 @@ def test_colors_of_a_surface_that_ends_before_nothing_are_its_own():
 )
 def test_vectorised_variants_give_the_same():
     choose_variant("llvm_ad_rgb")
-    check_layers(rgbd(words(), spp=2, layers=4))
+    check_layers(rgbd(words(), spp=1, layers=4))
     np.testing.assert_allclose(rgbd(words(), spp=1).depth, shot().depth, rtol=1e-4)
 
 

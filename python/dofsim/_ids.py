@@ -51,12 +51,12 @@ def render_ids(
     ----------
     ids : ndarray
         Shape (H, W, 2 R): an id and its coverage, 0 to 1, for each of R ranks. Ids are told apart by the bits
-        of their float32; those without coverage count for nothing.
+        of their float32; those without coverage count for nothing. Of a picture in layers, (L, H, W, 2 R):
+        in each layer, ids cover as much as its alpha.
     depth, lens
         As for `render`.
     guide : ndarray
-        The picture that decides, as for `render`, of one layer. If it has coverage, that is what the ranks
-        add up to.
+        The picture that decides, as for `render`. If it has coverage, that is what the ranks add up to.
     holdout, aperture, depth_kind, near, far, depth_range, invalid, invalid_color, alpha, transfer, overscan
         As for `render`.
     in_focus, max_coc_px, views, threads
@@ -67,7 +67,8 @@ def render_ids(
     ndarray of float32
         Shape (H, W, 2 R): the R ids that cover most of each pixel, most first, and their coverage. It adds up
         to the guide's coverage through the lens, or to that of all ids if the guide has none; what more than
-        R ids cover is shared among these. Pixels that the lens leaves as they were keep every bit.
+        R ids cover is shared among these. Pixels that the lens leaves as they were keep every bit, if the
+        picture has one layer.
 
     Raises
     ------
@@ -88,9 +89,13 @@ def render_ids(
     [1.5, 0.6, 2.5, 0.4]
     """
     names, coverage = _read(ids)
-    rows, columns, ranks = np.nonzero(coverage > 0)
-    known, place = np.unique(names[rows, columns, ranks], return_inverse=True)
-    covered = coverage[rows, columns, ranks]
+    total = _total(guide, alpha, coverage)
+    # With the layer before them, if there are several.
+    found_at = np.nonzero(coverage > 0)
+    *pixels, _ = found_at
+    rows, columns = pixels[-2:]
+    known, place = np.unique(names[found_at], return_inverse=True)
+    covered = coverage[found_at]
     focused = lens if in_focus is None else lens.replace(in_focus=in_focus)
     of_depth: dict[str, Any] = {
         "depth_kind": depth_kind,
@@ -100,7 +105,7 @@ def render_ids(
         "invalid": invalid,
         "max_coc_px": max_coc_px,
     }
-    height, width = coverage.shape[:2]
+    height, width = coverage.shape[-3:-1]
     reach = _reach(_dofsim.coc(depth, focused, **of_depth)) if len(known) else 0
     # The field of view is that of the output, whose pixels are larger than those of all of the picture.
     reach = math.ceil(reach * width / max(width - 2 * overscan, 1))
@@ -108,14 +113,13 @@ def render_ids(
     channel_of = np.array(_channels(boxes), np.intp)
     count = int(channel_of.max()) + 1 if len(known) else 0
 
-    total = _total(guide, alpha, coverage)
-    inner = slice(overscan, height - overscan), slice(overscan, width - overscan)
-    found = _Ranks(total[inner].shape, coverage.shape[2])
+    inner = ..., slice(overscan, height - overscan), slice(overscan, width - overscan), slice(None)
+    found = _Ranks((height - 2 * overscan, width - 2 * overscan), coverage.shape[-1])
     for first in range(0, max(count, 1), _AT_ONCE):
         last = min(first + _AT_ONCE, count)
-        planes = np.zeros((height, width, last - first + (first == 0)), np.float32)
+        planes = np.zeros((*total.shape, last - first + (first == 0)), np.float32)
         own = (channel_of[place] >= first) & (channel_of[place] < last)
-        np.add.at(planes, (rows[own], columns[own], channel_of[place[own]] - first), covered[own])
+        np.add.at(planes, (*(at[own] for at in pixels), channel_of[place[own]] - first), covered[own])
         if first == 0:
             planes[..., -1] = total
         seen = _dofsim.render(
@@ -134,14 +138,21 @@ def render_ids(
             threads=threads,
             **of_depth,
         )
-        found.moved |= np.any(seen != planes[inner], axis=-1)
+        # What several layers show of a pixel is none of its own values.
+        found.moved |= np.any(seen != planes[inner], axis=-1) if planes.ndim == 3 else True
         if first == 0:
             found.total = np.clip(seen[..., -1], 0.0, None)
         for k in np.flatnonzero((channel_of >= first) & (channel_of < last)):
             top, left, bottom, right = (int(v) - overscan for v in boxes[k])
             area = slice(max(top, 0), max(bottom, 0)), slice(max(left, 0), max(right, 0))
             found.add(known[k], seen[(*area, channel_of[k] - first)], area)
-    return found.result(names[inner], coverage[inner])
+    ranked = found.ranked()
+    if coverage.ndim == 4:
+        return ranked
+    # By their bits: an id may be that of no number.
+    given = np.ascontiguousarray(np.asarray(ids)[inner], np.float32)
+    kept: NDArray[np.uint32] = np.where(found.moved[..., None], ranked.view(np.uint32), given.view(np.uint32))
+    return kept.view(np.float32)
 
 
 class _Ranks:
@@ -162,31 +173,33 @@ class _Ranks:
             left[more], there[more] = there[more], left[more]
             names[more], ids[more] = ids[more], names[more]
 
-    def result(self, names: NDArray[np.uint32], coverage: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Give ids and coverage side by side; those given where nothing has moved."""
+    def ranked(self) -> NDArray[np.float32]:
+        """Give ids and coverage side by side."""
         all_ranks = self.coverage.sum(axis=0)
         share = np.divide(self.total, all_ranks, out=np.zeros_like(all_ranks), where=all_ranks > 0)
         out = np.empty((*self.total.shape, 2 * len(self.names)), np.float32)
-        moved = self.moved[..., None]
-        out[..., 0::2] = np.where(moved, np.moveaxis(self.names, 0, -1), names).view(np.float32)
-        out[..., 1::2] = np.where(moved, np.moveaxis(self.coverage * share, 0, -1), coverage)
+        out[..., 0::2] = np.moveaxis(self.names, 0, -1).view(np.float32)
+        out[..., 1::2] = np.moveaxis(self.coverage * share, 0, -1)
         return out
 
 
 def _read(ids: NDArray[np.floating[Any]]) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
     pairs = np.asarray(ids)
-    if pairs.ndim != 3 or pairs.shape[2] == 0 or pairs.shape[2] % 2:
-        raise ValueError(f"ids must have shape (H, W, 2 R): ids and coverage in turn; got {pairs.shape}")
+    if pairs.ndim not in (3, 4) or pairs.shape[-1] == 0 or pairs.shape[-1] % 2:
+        raise ValueError(
+            "ids must have shape (H, W, 2 R), or (L, H, W, 2 R) of layers: ids and coverage in turn; got "
+            f"{pairs.shape}"
+        )
     if pairs.dtype not in (np.float32, np.float64):
         raise TypeError(f"ids must have dtype float32 or float64, which hold ids; got {pairs.dtype}")
     pairs = pairs.astype(np.float32)
     names, coverage = np.ascontiguousarray(pairs[..., 0::2]), np.ascontiguousarray(pairs[..., 1::2])
     wrong = np.argwhere(~((coverage >= 0) & (coverage <= 1 + 1e-3)))
     if len(wrong):
-        row, column, rank = (int(v) for v in wrong[0])
+        *layer, row, column, rank = (int(v) for v in wrong[0])
         raise ValueError(
-            f"ids must have coverage from 0 to 1; got {coverage[row, column, rank]:g} in rank {rank} at row "
-            f"{row}, column {column}"
+            f"ids must have coverage from 0 to 1; got {coverage[tuple(wrong[0])]:g} in rank {rank} at row "
+            f"{row}, column {column}" + (f" of layer {layer[0]}" if layer else "")
         )
     return names.view(np.uint32), coverage
 
@@ -194,7 +207,12 @@ def _read(ids: NDArray[np.floating[Any]]) -> tuple[NDArray[np.uint32], NDArray[n
 def _total(guide: NDArray[Any], alpha: str | None, coverage: NDArray[np.float32]) -> NDArray[np.float32]:
     """Give what the ranks of each pixel add up to."""
     picture = np.asarray(guide)
-    channels = picture.shape[2] if picture.ndim == 3 else 1
+    if picture.shape[:-1] != coverage.shape[:-1] and picture.shape != coverage.shape[:-1]:
+        raise ValueError(
+            "guide must have the rows and columns of ids, and as many layers; got "
+            f"{picture.shape} beside {(*coverage.shape[:-1], 2 * coverage.shape[-1])}"
+        )
+    channels = picture.shape[-1] if picture.ndim == coverage.ndim else 1
     if alpha == "none" or not (channels == 4 or (alpha is not None and channels == 2)):
         total: NDArray[np.float32] = coverage.sum(axis=-1)
         return total

@@ -47,13 +47,13 @@ def intrinsics(width: int, height: int, fov: float = Camera.fov) -> np.ndarray:
 
 def render_around(name: str, width: int, height: int) -> dict[str, np.ndarray]:
     """Render what the table needs: a reference with its layers, the other places, the thin lens's halves."""
-    from dofsim.mitsuba._capture import averaged
+    from .capture import with_means
 
     start = time.perf_counter()
     capture, recipe = load_capture(name, SCENES[name]), TRACED if SCENES[name].max_depth > 1 else PLAIN
     color = capture.pinhole(width, height, recipe.pinhole_spp, recipe.lamp_spp)
     layers_color, layers_depth = capture.peel(width, height, LAYERS, recipe.peel_spp)
-    layers_color[0] = averaged(layers_color[0], layers_depth[0], color)
+    layers_color[0] = with_means(layers_color[0], color)
     out = {
         "color": color,
         "depth": layers_depth[0],

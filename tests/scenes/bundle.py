@@ -32,6 +32,7 @@ class Recipe:
     half_spp: int = 1024
     lamp_spp: int = 64
     peel_spp: int = 1
+    covered_spp: int = 16
     max_depth: int = 1
     # Other scenes' modules that it is made from.
     uses: tuple[str, ...] = ()
@@ -69,21 +70,23 @@ def render_bundle(name: str, width: int, height: int) -> dict[str, np.ndarray]:
         `color_ss3`, `depth_ss3`: three times as wide and high, both sampled at pixel centres.
         `layers_color`, `layers_depth`: the same with four surfaces one behind another, and
         `layers_color_1x`, `layers_depth_1x` at the picture's own size, the first averaged over pixels.
+        `covered_color`, `covered_depth`: these with what each covers of its pixel, all averaged over pixels.
         `reference_a`, `reference_b`: two halves of the thin lens's samples with different seeds;
         `reference`: their mean.
         `aperture_radius`, `focus_distance`, `fov`, `fov_axis`: the lens. `seconds`: the time it took.
     """
-    from dofsim.mitsuba._capture import averaged
+    from .capture import with_means
 
     start = time.perf_counter()
     recipe = RECIPES[name]
     capture = load_capture(name, recipe)
     color = capture.pinhole(width, height, recipe.pinhole_spp, recipe.lamp_spp)
     layers_color_1x, layers_depth_1x = capture.peel(width, height, LAYERS, recipe.peel_spp)
-    layers_color_1x[0] = averaged(layers_color_1x[0], layers_depth_1x[0], color)
+    layers_color_1x[0] = with_means(layers_color_1x[0], color)
     layers_color, layers_depth = capture.peel(
         SUPERSAMPLE * width, SUPERSAMPLE * height, LAYERS, recipe.peel_spp
     )
+    covered_color, covered_depth = capture.covered(width, height, LAYERS, recipe.covered_spp, color)
     halves = [capture.thin_lens(width, height, recipe.half_spp, recipe.lamp_spp, seed) for seed in (1, 2)]
     return {
         "color": color,
@@ -94,6 +97,8 @@ def render_bundle(name: str, width: int, height: int) -> dict[str, np.ndarray]:
         "layers_depth": layers_depth,
         "layers_color_1x": layers_color_1x,
         "layers_depth_1x": layers_depth_1x,
+        "covered_color": covered_color,
+        "covered_depth": covered_depth,
         "reference": 0.5 * (halves[0] + halves[1]),
         "reference_a": halves[0],
         "reference_b": halves[1],
@@ -107,7 +112,7 @@ def fingerprint(name: str) -> str:
     digest = hashlib.sha256(repr((RECIPES[name], SUPERSAMPLE, LAYERS)).encode())
     for module in (name, *RECIPES[name].uses, "bundle", "camera", "capture", "shapes", "textures"):
         digest.update((Path(__file__).parent / f"{module}.py").read_bytes())
-    for module in ("_capture", "_peel", "_view"):
+    for module in ("_capture", "_coverage", "_peel", "_view"):
         digest.update((resources.files("dofsim") / "mitsuba" / f"{module}.py").read_bytes())
     return digest.hexdigest()
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import mitsuba as mi
 import numpy as np
+from dofsim.mitsuba._coverage import covered
 from dofsim.mitsuba._peel import peel
 from dofsim.mitsuba._view import View, render
 from numpy.typing import NDArray
@@ -117,6 +118,18 @@ class Capture:
     def peel(self, width: int, height: int, layers: int, spp: int = 1, seed: int = 2) -> tuple[Array, Array]:
         """Sample the surfaces one behind another along the ray through each pixel's centre."""
         return peel(self.scene, self._view(width, height), layers, spp=spp, seed=seed)
+
+    def covered(
+        self, width: int, height: int, layers: int, spp: int, means: Array, seed: int = 2
+    ) -> tuple[Array, Array]:
+        """Sample them along so many rays of each pixel, with what each covers; `means` is what is seen."""
+        return covered(self.scene, self._view(width, height), layers, spp=spp, seed=seed, means=means)
+
+
+def with_means(first: Array, means: Array) -> Array:
+    """Give a first layer without gaps, (H, W, 4), the colours that a pinhole sees, averaged over pixels."""
+    assert np.all(first[..., 3] == 1.0)
+    return np.concatenate([means, first[..., 3:]], axis=-1)
 
 
 def _dark(shapes: dict[str, Any]) -> dict[str, Any]:

@@ -10,25 +10,18 @@ from typing import Any
 
 import mitsuba as mi
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 import dofsim
 from dofsim import _shown
-from dofsim._dofsim import HIGHLIGHT_RATIO
 from dofsim._names import listed
 
+from ._coverage import covered
 from ._peel import peel
 from ._variant import check_variant
 from ._view import View, load_scene, render
 
 __all__ = ["Capture", "rgbd"]
-
-
-# Neighbours farther apart than this share of a picture's range of disparity are not on one surface. The
-# "lens" method tells surfaces apart by a pixel of blur, and the lens is not known here: for one that makes 32
-# pixels of the whole range, as wide a blur as most pictures have, this is a pixel.
-SILHOUETTE = 1.0 / 32.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +36,7 @@ class Capture:
     color : ndarray of float32
         Linear light: shape (H, W, 3), or (L, H, W, 4) of layers, premultiplied.
     depth : ndarray of float32
-        Planar depth in metres at pixel centres, shape (H, W) or (L, H, W); infinite for the background.
+        Planar depth in metres, shape (H, W), at pixel centres, or (L, H, W); infinite for the background.
     lens : Lens
         That of the scene's sensor.
     supersample, overscan : int
@@ -113,12 +106,12 @@ def rgbd(
     scene : mitsuba.Scene, dict or path
         The scene; its integrator renders the colours.
     spp : int, optional
-        Samples a pixel, rounded up to a square; of layers, light paths to each surface, too.
+        Samples a pixel, rounded up to a square; of layers, rays a pixel, too.
     layers : int, optional
-        How many surfaces one behind another are sampled along each pixel's ray. The first one's colour is
-        averaged over the pixel (of several layers, if `spp` is more than 1, and but for the edges of
-        highlights); those behind are taken at its centre. Behind the first one, surfaces seen from behind,
-        the insides of solids, are left out.
+        How many surfaces one behind another are sampled along each pixel's rays. Colours of layers are
+        averaged over the pixel, and alpha is the part of it that a surface covers. With an `spp` of 1 there
+        is one ray, through the pixel's centre, and alpha is 0 or 1. Behind the first surface, those seen from
+        behind, the insides of solids, are left out.
     supersample : int, optional
         Pixels to one of the output, along each axis; `spp` counts for each of them.
     overscan : int, optional
@@ -242,10 +235,12 @@ def capture_of(
             supersample=supersample,
         )
         return Capture(color, depth, lens, supersample, overscan)
-    color, depth = peel(scene, view, layers, spp=spp, seed=seed)
-    if spp > 1:
-        means = render(scene, view, "perspective", spp=squared(spp), seed=seed, advance=advance)
-        color[0] = averaged(color[0], depth[0], means)
+    if spp == 1:
+        color, depth = peel(scene, view, layers, spp=1, seed=seed)
+    else:
+        spp = squared(spp)
+        means = render(scene, view, "perspective", spp=spp, seed=seed, advance=advance)
+        color, depth = covered(scene, view, layers, spp=spp, seed=seed, means=means)
     return Capture(color, depth, lens, supersample, overscan)
 
 
@@ -273,38 +268,6 @@ def warn_of_specular_shapes(scene: Any) -> None:
             "their surfaces",
             stacklevel=3,
         )
-
-
-def averaged(
-    first: NDArray[np.float32], depth: NDArray[np.float32], means: NDArray[np.float32]
-) -> NDArray[np.float32]:
-    """Give a first layer, (H, W, 4), the colours that a pinhole sees, averaged over pixels, (H, W, 3).
-
-    What is in focus is then as smooth as they are. At silhouettes they mix two surfaces, and a pixel has one
-    depth. What one pixel has too much of a surface its neighbour has too little of, and both are blurred.
-    Highlights are taken apart in a render, but only in a layer without gaps. In one with gaps, a highlight
-    would be seen at the other surface's depth, and so would nothing at all. Beside these, the layer's own
-    colour stays, that of the surface at the pixel's centre.
-    """
-    there = first[..., 3] > 0.0
-    if not there.any():
-        return first
-    if there.all():
-        return np.concatenate([means, first[..., 3:]], axis=-1)
-    disparity = np.where(there, 1.0 / depth, 0.0)
-    light = np.maximum(first[..., :3].sum(axis=-1), means.sum(axis=-1))
-    highlight = light > HIGHLIGHT_RATIO * np.median(light[there])
-    silhouette = np.ptp(_around(disparity), axis=(-2, -1)) > np.ptp(disparity[there]) * SILHOUETTE
-    mixed = (_around(highlight).any(axis=(-2, -1)) & silhouette) | ~_around(there).all(axis=(-2, -1))
-    out = first.copy()
-    out[~mixed, :3] = means[~mixed]
-    return out
-
-
-def _around(plane: NDArray[Any]) -> NDArray[Any]:
-    """Give the three by three values around each pixel, the border repeated."""
-    around: NDArray[Any] = sliding_window_view(np.pad(plane, 1, mode="edge"), (3, 3))
-    return around
 
 
 def squared(spp: int) -> int:

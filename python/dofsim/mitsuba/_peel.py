@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import product
 from typing import Any
 
 import mitsuba as mi
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from ._view import View
 
-__all__ = ["peel"]
+__all__ = ["peel", "peel_rays"]
 
 # The share of light that passes through a surface unbent, from which on it is not there.
 _PASSING = 0.5
@@ -48,26 +49,67 @@ def peel(scene: Any, view: View, layers: int, *, spp: int, seed: int) -> Layers:
     depth : (layers, height, width) array
         Planar depth in metres, infinite where there is no surface.
     """
+    color, depth = peel_rays(
+        scene, view, layers, spp=spp, seed=seed, rows=range(view.size[1]), points=[(0.5, 0.5)]
+    )
+    return color[0], depth[0]
+
+
+def peel_rays(
+    scene: Any,
+    view: View,
+    layers: int,
+    *,
+    spp: int,
+    seed: int,
+    rows: range,
+    points: Sequence[tuple[float, float]],
+) -> Layers:
+    """Sample colour and depth of the surfaces along several rays through each pixel of some rows.
+
+    Parameters
+    ----------
+    scene, view, layers, spp, seed
+        As for `peel`.
+    rows : range
+        Rows of pixels, one after another.
+    points : sequence of tuple of float
+        Where in a pixel each ray is, from its upper left corner.
+
+    Returns
+    -------
+    color : (rays, layers, rows, width, 4) array
+        As of `peel`.
+    depth : (rays, layers, rows, width) array
+        As of `peel`.
+    """
     if mi.variant().startswith("scalar"):
-        return _peel_scalar(scene, view, layers, spp, seed)
-    return _peel_wavefront(scene, view, layers, spp, seed)
+        return _peel_scalar(scene, view, layers, spp, seed, rows, points)
+    return _peel_wavefront(scene, view, layers, spp, seed, rows, points)
 
 
-def _peel_scalar(scene: Any, view: View, layers: int, spp: int, seed: int) -> Layers:
+def _peel_scalar(
+    scene: Any,
+    view: View,
+    layers: int,
+    spp: int,
+    seed: int,
+    rows: range,
+    points: Sequence[tuple[float, float]],
+) -> Layers:
     width, height = view.size
-    color = np.zeros((layers, height, width, 4), np.float32)
-    depth = np.full((layers, height, width), np.inf, np.float32)
+    color = np.zeros((len(points), layers, len(rows), width, 4), np.float32)
+    depth = np.full((len(points), layers, len(rows), width), np.inf, np.float32)
     sensor, sampler = view.sensor("perspective"), mi.load_dict({"type": "independent"})
     axis, origin = view.to_world[:3, 2], view.to_world[:3, 3]
-    for y in range(height):
-        for x in range(width):
-            at = mi.Point2f((x + 0.5) / width, (y + 0.5) / height)
-            ray, _ = sensor.sample_ray(0.0, 0.5, at, mi.Point2f(0.5))
-            sampler.seed(seed * 1_000_003 + y * width + x)
-            for layer, (rgb, point) in enumerate(_along_ray(scene, ray, sampler, layers, spp)):
-                color[layer, y, x] = [*rgb, 1.0]
-                if point is not None:
-                    depth[layer, y, x] = axis @ (np.array(point) - origin)
+    for number, (row, y), x in product(range(len(points)), enumerate(rows), range(width)):
+        at = mi.Point2f((x + points[number][0]) / width, (y + points[number][1]) / height)
+        ray, _ = sensor.sample_ray(0.0, 0.5, at, mi.Point2f(0.5))
+        sampler.seed(seed * 1_000_003 + (number * height + y) * width + x)
+        for layer, (rgb, place) in enumerate(_along_ray(scene, ray, sampler, layers, spp)):
+            color[number, layer, row, x] = [*rgb, 1.0]
+            if place is not None:
+                depth[number, layer, row, x] = axis @ (np.array(place) - origin)
     return color, depth
 
 
@@ -94,13 +136,28 @@ def _along_ray(scene: Any, ray: Any, sampler: Any, layers: int, spp: int) -> Ite
         ray = hit.spawn_ray(ray.d)
 
 
-def _peel_wavefront(scene: Any, view: View, layers: int, spp: int, seed: int) -> Layers:
+def _peel_wavefront(
+    scene: Any,
+    view: View,
+    layers: int,
+    spp: int,
+    seed: int,
+    rows: range,
+    points: Sequence[tuple[float, float]],
+) -> Layers:
     import drjit as dr
 
     width, height = view.size
-    count = width * height
+    shape = (layers, len(points), len(rows), width)
+    count = len(points) * len(rows) * width
     index = dr.arange(mi.UInt32, count)
-    at = mi.Point2f((index % width + 0.5) / width, (index // width + 0.5) / height)
+    # Arrays, not numbers, which would be written into kernels that then serve one band of rows.
+    x, y = (mi.Float([point[axis] for point in points]) for axis in range(2))
+    number, row = index // (len(rows) * width), index // width % len(rows) + dr.opaque(mi.UInt32, rows.start)
+    at = mi.Point2f(
+        (index % width + dr.gather(mi.Float, x, number)) / width,
+        (row + dr.gather(mi.Float, y, number)) / height,
+    )
     ray, _ = view.sensor("perspective").sample_ray(0.0, 0.5, at, mi.Point2f(0.5))
     ray = mi.Ray3f(ray)
     axis, origin = view.to_world[:3, 2], view.to_world[:3, 3]
@@ -128,7 +185,7 @@ def _peel_wavefront(scene: Any, view: View, layers: int, spp: int, seed: int) ->
         ray = hit.spawn_ray(ray.d)
         dr.eval(ray, alive)
         if not dr.any(alive):
-            return color.reshape(layers, height, width, 4), depth.reshape(layers, height, width)
+            return color.reshape(*shape, 4).swapaxes(0, 1), depth.reshape(shape).swapaxes(0, 1)
 
 
 def _radiance(scene: Any, ray: Any, active: Any, count: int, spp: int, seed: int) -> NDArray[np.float32]:
