@@ -140,7 +140,9 @@ impl CoarsePicture {
             for (x, (out, share)) in out.iter_mut().zip(shares).enumerate() {
                 let own: &[f32; TAPS] =
                     row[x >> n..].first_chunk().expect("squares beside the tile are read");
-                *out += share * between(*own, &taps[x & ((1 << n) - 1)]);
+                let value = between(*own, &taps[x & ((1 << n) - 1)]);
+                // Where this picture has no share, nothing may have been rendered.
+                *out += if *share > 0.0 { share * value } else { 0.0 };
             }
         }
     }
