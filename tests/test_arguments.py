@@ -160,7 +160,7 @@ WRONG = {
     "NaN depth": ({"depth": bad_depth(np.nan)}, "depth has 3 of 768.*first is NaN at row 3, column 5.*far"),
     "negative depth": ({"depth": bad_depth(-1.0)}, "depth has 3 of 768.*first is -1 at row 3, column 5"),
     "zero depth": ({"depth": bad_depth(0.0)}, "depth has 3 of 768.*first is 0 at row 3, column 5"),
-    "absurd lens": ({"lens": LENS.replace(aperture_radius=1e5)}, "depth has 768 of 768.*16384 px.*max_coc_px"),
+    "absurd lens": ({"lens": LENS.replace(aperture_radius=1e5)}, "768 of 768.*16384 px.*max_coc_px"),
     "method": ({"method": "magic"}, 'method must be one of "lens", .*"taps".*"magic"'),
     "device": ({"device": "tpu"}, 'device must be "auto", "cpu", "gpu" or an adapter; got "tpu"'),
     "depth kind": ({"depth_kind": "metres"}, 'depth_kind must be one of "z", "distance".*"metres"'),

@@ -118,7 +118,7 @@ use std::time::Instant;
 /// - ``views``, int: lens points used wherever visibility matters, 16 to 16384. By default 64 to 512, chosen for
 ///   each tile from the largest circle of confusion that reaches it.
 /// - ``resolution``, "adaptive" (default) or "full": whether what is blurred by many pixels is rendered in a coarser scene,
-///   of four, eight, and up to 1024 pixels a cell. That costs less and differs by about what the noise of the views does.
+///   of four, eight, and up to 256 pixels a cell. That costs less and differs by about what the noise of the views does.
 ///   GPUs, gradients, layers, holdouts, and lenses with cat's eyes or aberrations do all at full resolution.
 ///
 /// ``"poisson"`` averages over taps scattered over each pixel's own circle of confusion; after the first half of

@@ -14,10 +14,10 @@ use crate::scene::grid::{BLOCK, TILE};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// The scenes that are rendered: that of the picture's own cells, and those of four, eight, and up to 1024 pixels a cell. One
+/// The scenes that are rendered: that of the picture's own cells, and those of four, eight, and up to 256 pixels a cell. One
 /// of two pixels, with the samples that its pixels need, would take half the work, and where scenes meet both are swept.
-pub const SCENES: [usize; 10] = [0, 2, 3, 4, 5, 6, 7, 8, 9, MOST];
-const MOST: usize = 10;
+pub const SCENES: [usize; 8] = [0, 2, 3, 4, 5, 6, 7, MOST];
+const MOST: usize = 8;
 /// The coarsest scene that blocks of [`BLOCK`] pixels tell from finer ones.
 const FIRST: usize = 3;
 /// What is blurred by so much, in the pixels of a coarser scene, is swept there alone. Over a disc of this radius, the
@@ -32,6 +32,28 @@ const CELLS: usize = 8;
 /// Exact discs have no noise in which an error could hide, and cost little until they are large. They are rendered in scenes
 /// whose number is lower by so much: four times as fine.
 const EXACT: f32 = 2.0;
+/// The noise of the sweep is as coarse as the cells, and seen the more. Beyond scene number [`FIRST`] they become larger only
+/// where discs have eight times as many of them along their radius, and so eight times as many lens points.
+const COARSE_NOISE: f32 = 3.0;
+
+/// How a block of the frame is rendered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    InFocus,
+    Disc,
+    Swept,
+}
+
+impl Kind {
+    /// The number of the scene in which a block is rendered, where the least blur is so many doublings of [`ENOUGH_PX`].
+    fn number(self, doublings: f32) -> f32 {
+        match self {
+            Kind::InFocus => 0.0,
+            Kind::Disc => (doublings - EXACT).max(0.0),
+            Kind::Swept => doublings.min(FIRST as f32).max(doublings - COARSE_NOISE),
+        }
+    }
+}
 
 /// How much detail the tiles of a plan need.
 pub struct Detail {
@@ -39,10 +61,11 @@ pub struct Detail {
     height: usize,
     /// Blocks in a row.
     across: usize,
-    /// For each block, what is subtracted from the numbers at its corners; infinite where the tile is in focus.
-    finer: Vec<f32>,
-    /// For each corner of the blocks, the number `n` of the scene in which what reaches the blocks around it can be swept.
+    kinds: Vec<Kind>,
+    /// For each corner of the blocks, the least blur of what reaches the blocks around it, in doublings of [`ENOUGH_PX`].
     corners: Vec<f32>,
+    /// The number of the coarsest scene that the frame is large enough for.
+    coarsest: f32,
 }
 
 /// The depths of a scene under one focus, by the bins of their codes.
@@ -97,22 +120,22 @@ impl Detail {
         let Plan { padding, bounds, s_focus, reach_px, tiles, .. } = plan;
         let Padding { width, height, pad, .. } = *padding;
         let coarsest = (width.min(height) / CELLS).checked_ilog2().map_or(0.0, |n| n.min(MOST as u32) as f32);
-        let level = |blur_px: f64| ((blur_px / ENOUGH_PX).log2() as f32).clamp(0.0, coarsest);
-        if level(*reach_px) <= SCENES[1] as f32 - FADE {
+        let doublings = |blur_px: f64| ((blur_px / ENOUGH_PX).log2() as f32).max(0.0);
+        if doublings(*reach_px).min(coarsest) <= SCENES[1] as f32 - FADE {
             return None;
         }
         // Whole tiles are planned.
         let (across, down) =
             (width.next_multiple_of(TILE.0) / BLOCK, height.next_multiple_of(TILE.1) / BLOCK);
-        let mut finer = vec![f32::INFINITY; across * down];
+        let mut kinds = vec![Kind::InFocus; across * down];
         for tile in tiles {
             let (x, y) = (tile.origin.0 / BLOCK, tile.origin.1 / BLOCK);
             let own = match tile.work {
-                Work::InFocus => f32::INFINITY,
-                Work::Disc => EXACT,
-                Work::Sweep { .. } => 0.0,
+                Work::InFocus => Kind::InFocus,
+                Work::Disc => Kind::Disc,
+                Work::Sweep { .. } => Kind::Swept,
             };
-            (y..y + TILE.1 / BLOCK).for_each(|y| finer[y * across + x..][..TILE.0 / BLOCK].fill(own));
+            (y..y + TILE.1 / BLOCK).for_each(|y| kinds[y * across + x..][..TILE.0 / BLOCK].fill(own));
         }
         let bins = Bins::new(codes, *s_focus);
         let frame = Blocks { first: pad.map(|pad| pad / BLOCK), extent: [across, down] };
@@ -126,10 +149,10 @@ impl Detail {
         let corner = |x: usize, y: usize| {
             let beside = |v: usize, n: usize| v.saturating_sub(1)..(v + 1).min(n);
             let rows = beside(y, down).map(|y| &least[y * across..][beside(x, across)]);
-            level(rows.flatten().fold(f64::INFINITY, |least, blur| least.min(*blur)))
+            doublings(rows.flatten().fold(f64::INFINITY, |least, blur| least.min(*blur)))
         };
         let corners = (0..(across + 1) * (down + 1)).map(|i| corner(i % (across + 1), i / (across + 1)));
-        let detail = Detail { width, height, across, finer, corners: corners.collect() };
+        let detail = Detail { width, height, across, kinds, corners: corners.collect(), coarsest };
         detail.coarsest().is_some().then_some(detail)
     }
 
@@ -143,8 +166,9 @@ impl Detail {
     /// The number of the scene at the corners of a block: above left and right, below left and right.
     fn corners_of(&self, (x, y): (usize, usize)) -> [[f32; 2]; 2] {
         let at = y * (self.across + 1) + x;
-        let finer = self.finer[y * self.across + x];
-        [at, at + self.across + 1].map(|at| [at, at + 1].map(|at| (self.corners[at] - finer).max(0.0)))
+        let kind = self.kinds[y * self.across + x];
+        let number = |at: usize| kind.number(self.corners[at]).min(self.coarsest);
+        [at, at + self.across + 1].map(|at| [at, at + 1].map(number))
     }
 
     /// Whether scene number `n` has a share of these columns and rows of its own frame, or within `margin` of its pixels around
@@ -265,7 +289,7 @@ fn least_blur(
     let [columns, rows] = frame.extent;
     let mut least = vec![0.0f64; columns * rows];
     let mut blocks = Blocks { ..*frame };
-    for doublings in 0..=MOST - FIRST {
+    for doublings in 0.. {
         let side = BLOCK << doublings;
         let most = ENOUGH_PX * f64::from(1 << (FIRST + doublings));
         let of_blocks = least_blur_up_to(most, side, &depths, bins, &reaching, &blocks);
