@@ -150,7 +150,7 @@ def test_on_a_surface_depth_has_the_gradient_of_the_lens_integral(surface, radiu
         along(
             ends(lambda x, y, by, bump=bump: shift(x, y) + by * bump(x, y) - FOCUS),
             lambda found, bump=bump: np.vdot(found["disparity"], bump(x, y)),
-            0.16,
+            0.25,
         )
 
 

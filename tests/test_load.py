@@ -192,8 +192,8 @@ PHASES = {
     "views": (SMALL, "dofsim.render(color, depth, lens, views=16384)"),
     "barrel": (SMALL, "dofsim.render(color, depth, lens.replace(cat_eye=0.7), views=16384)"),
     "disc": (
-        "color, depth = color[:64, :64].copy(), depth[:64, :64].copy() * 0 + 4",
-        "dofsim.render(color, depth, lens.replace(aperture_radius=80.0), "
+        "color, depth = np.tile(color, (2, 2, 1)), np.tile(depth, (2, 2)) * 0 + 4",
+        "dofsim.render(color, depth, lens.replace(aperture_radius=0.5), resolution='full', "
         "aperture=dofsim.Aperture(apodization=0.5))",
     ),
     "kernels": (

@@ -160,6 +160,8 @@ def test_light_adds_up(call: Call, seed):
 @given(plain_calls(looks=["random", "lamps", "negative"]))
 def test_channels_know_nothing_of_each_other(call: Call):
     assume(call.color.ndim == 3)
+    # All channels tell which cells the flagship draws apart as lamps.
+    assume(is_separate(call) or np.abs(call.color).max() < 100.0)
     call = call if is_separate(call) else flat(call)
     together = call.render()
     for c in range(call.color.shape[2]):
