@@ -131,8 +131,11 @@ impl<'a> Shadows<'a> {
             [ends[0].min(ends[1]), ends[0].max(ends[1])]
         });
         let [columns, rows] = [0, 1].map(|i| self.images(i, &offsets));
+        // Loops, because a closure would not be compiled for the instructions of its caller.
         for y in rows {
-            columns.clone().for_each(|x| Shadows { place: [x, y], ..*self }.cast_from(&offsets, hidden));
+            for x in columns.clone() {
+                Shadows { place: [x, y], ..*self }.cast_from(&offsets, hidden);
+            }
         }
     }
 
