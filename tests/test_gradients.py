@@ -74,6 +74,17 @@ def assert_adjoint(color, depth, lens, **options):
     assert np.vdot(mapped, weights) == pytest.approx(np.vdot(along, back.astype(float)), abs=1e-7 * scale)
 
 
+# Lenses, apertures and frames, as changes of the lens and as options.
+LENSES = [
+    ({}, {"aperture": dofsim.Aperture(blades=6, rotation=10.0)}),
+    ({}, {"aperture": dofsim.Aperture(obstruction=0.4, spherical=0.5)}),
+    ({"cat_eye": 0.6}, {}),
+    ({"tilt": (10.0, 5.0)}, {}),
+    ({}, {"overscan": 6}),
+    ({}, {"supersample": 2}),
+    ({}, {"views": 100}),
+]
+
 # Colours
 
 
@@ -87,16 +98,10 @@ def test_the_gradient_of_colours_is_the_adjoint_of_the_render(scene, radius_px):
 @pytest.mark.parametrize(
     ("changes", "options"),
     [
-        ({}, {"aperture": dofsim.Aperture(blades=6, rotation=10.0)}),
-        ({}, {"aperture": dofsim.Aperture(obstruction=0.4, spherical=0.5)}),
-        ({"cat_eye": 0.6}, {}),
+        *LENSES,
         ({"cat_eye": 0.6, "vignetting": "full"}, {}),
-        ({"tilt": (10.0, 5.0)}, {}),
         ({"in_focus": (1.8, 2.4)}, {}),
         ({}, {"max_coc_px": 3.0}),
-        ({}, {"overscan": 6}),
-        ({}, {"supersample": 2}),
-        ({}, {"views": 100}),
     ],
 )
 def test_lenses_apertures_and_frames_have_their_adjoint(changes, options):
@@ -215,18 +220,7 @@ def test_the_gradient_of_layers_is_the_adjoint_of_their_render(scene, radius_px)
     assert_adjoint(color, depth, blurred(LENS, depth, radius_px))
 
 
-@pytest.mark.parametrize(
-    ("changes", "options"),
-    [
-        ({}, {"aperture": dofsim.Aperture(blades=6, rotation=10.0)}),
-        ({}, {"aperture": dofsim.Aperture(obstruction=0.4, spherical=0.5)}),
-        ({"cat_eye": 0.6}, {}),
-        ({"tilt": (10.0, 5.0)}, {}),
-        ({}, {"overscan": 6}),
-        ({}, {"supersample": 2}),
-        ({}, {"views": 100}),
-    ],
-)
+@pytest.mark.parametrize(("changes", "options"), LENSES)
 def test_layers_have_their_adjoint_through_lenses_and_apertures(changes, options):
     for scene in ("fog", "random"):
         color, depth = LAYERS[scene]()
