@@ -12,6 +12,7 @@ use crate::rows::with_channels;
 use crate::scene::colors::Colors;
 use crate::scene::grid::TILE;
 use crate::simd::Simd;
+use std::ops::RangeInclusive;
 
 /// Number of pixels that are convolved together.
 const LANES: usize = 16;
@@ -218,10 +219,7 @@ impl Gather<'_> {
                 }
             }
             Surface::Tilted(steps) => {
-                let kernels = steps.clone().map(|step| self.kernels.get(step * APART));
-                let reach = kernels.clone().map(|kernel| kernel.reach).max();
-                around.fill(self.size, &self.colors, origin, reach.unwrap_or(0) as usize);
-                let discs: Vec<Disc> = kernels.map(|kernel| around.disc(kernel)).collect();
+                let discs = self.tilted(&steps, origin, around);
                 for x in strips {
                     let discs = (*steps.start(), &discs[..]);
                     self.tilted_strip(around, discs, |_, p, step| share(p, step), (origin, x), extent, out)?;
@@ -261,10 +259,7 @@ impl Gather<'_> {
                 }
             }
             Surface::Tilted(steps) => {
-                let kernels = steps.clone().map(|step| self.kernels.get(step * APART));
-                let reach = kernels.clone().map(|kernel| kernel.reach).max();
-                around.fill(self.size, &self.colors, origin, reach.unwrap_or(0) as usize);
-                let discs: Vec<Disc> = kernels.map(|kernel| around.disc(kernel)).collect();
+                let discs = self.tilted(&steps, origin, around);
                 let slope = |s: f32, position: f64, step: i32| {
                     let per_px = position_slope(f64::from(s) - self.s_focus) as f32;
                     per_px * share_slope(position, step, *steps.end())
@@ -275,6 +270,19 @@ impl Gather<'_> {
             }
         }
         Ok(())
+    }
+
+    /// The discs between which the pixels of a tile of varying depth lie; `around` then holds their surroundings.
+    fn tilted(
+        &self,
+        steps: &RangeInclusive<i32>,
+        origin: (usize, usize),
+        around: &mut RunningSums,
+    ) -> Vec<Disc> {
+        let kernels = steps.clone().map(|step| self.kernels.get(step * APART));
+        let reach = kernels.clone().map(|kernel| kernel.reach).max();
+        around.fill(self.size, &self.colors, origin, reach.unwrap_or(0) as usize);
+        kernels.map(|kernel| around.disc(kernel)).collect()
     }
 
     /// Sums up the discs in columns `x .. x + LANES` of a tile of varying depth: each in turn, by the shares of it that
