@@ -128,8 +128,12 @@ def vjp(
                 found[name] = -by_focus / settings[name] ** 2
             elif name == "focus":
                 found[name] = by_focus
-        found["disparity"] = by_disparity.astype(_dtype(depth), copy=False)
-        found["depth"] = _by_depth(by_disparity, depth, depth_kind, depth_range).astype(_dtype(depth))
+        if "disparity" in names:
+            found["disparity"] = by_disparity.astype(_dtype(depth), copy=False)
+        if "depth" in names:
+            by_z = _by_depth(by_disparity, depth, depth_kind, depth_range)
+            # Never the array of the disparities, which may be asked for as well.
+            found["depth"] = by_z.astype(_dtype(depth), copy=by_z is by_disparity)
     return {name: found[name] for name in names}
 
 
@@ -314,8 +318,12 @@ def _by_depth(
 ) -> NDArray[Any]:
     """Give the derivative by depth as it was given."""
     if depth_kind == "z":
+        # One over z^2, in place: a picture's worth of doubles is as large as the picture.
+        by_depth = np.square(depth, dtype=np.float64)
+        np.divide(np.negative(by_disparity), by_depth, out=by_depth)
         # Nothing changes with the depth of what is infinitely far away.
-        return np.where(np.isfinite(depth), -by_disparity / np.square(depth, dtype=np.float64), 0.0)
+        by_depth[~np.isfinite(depth)] = 0.0
+        return by_depth
     if depth_kind == "relative":
         assert depth_range is not None
         far, near = depth_range

@@ -10,7 +10,7 @@ use super::half_plane::{self, HalfPlane};
 use super::inpaint::{self, Hidden, SAME_SURFACE_PX};
 use super::lamps::{lamps, take_lamps_apart};
 use super::layer::{Role, SceneLayer, Surfaces};
-use super::origins::{Origin, Origins, Traced};
+use super::origins::{Origins, Traced};
 use super::recipe::{Cargo, Channels};
 use super::shifts;
 use crate::cancel::Cancel;
@@ -73,20 +73,15 @@ pub fn origins(picture: &Picture, lights: usize, k: f64, simd: Simd, cancel: &Ca
     if let Some(pinhole) = Pinhole::new(picture, &built) {
         let alpha = &picture.coverage();
         // What goes on behind a pixel is the cell that the pinhole sees there, whose colour is that of what it covers.
-        let cell = |&(q, weight): &(u32, f32)| {
-            let i = q as usize;
+        let of_pixel = |i: usize| {
             let layer = usize::from(pinhole.seen[i]?);
-            Some(((layer * n + i) as u32, weight / alpha[layer][i]))
+            Some(((layer * n + i) as u32, 1.0 / alpha[layer][i]))
         };
-        let of_cell = |h: Hidden<Origin>| {
-            let Origin { color, depth } = h.carried;
-            let [color, depth] = [color, depth].map(|form| form.iter().filter_map(cell).collect());
-            (h.index, Origin { color, depth })
-        };
-        let hidden = pinhole.hidden(lights, Traced { mixed: &[] }, cancel)?;
-        layers.push(hidden.into_iter().map(of_cell).collect());
+        let traced = Traced { pixels: picture.layers.len() * n, of_pixel };
+        let hidden = pinhole.hidden(lights, traced, cancel)?;
+        layers.push(hidden.into_iter().map(|h| (h.index, h.carried)).collect());
     }
-    Ok(Origins { layers })
+    Ok(Origins { layers, mixed: Vec::new() })
 }
 
 /// The first layer and the others, if the first one has no gaps: it is a picture.

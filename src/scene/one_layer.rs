@@ -10,7 +10,7 @@ use super::inpaint::{self, Hidden};
 use super::layer::{Role, SceneLayer, Surfaces};
 use super::matting::{MixedPixel, Separated, unmix};
 use super::mixed_cells::{half_planes, split};
-use super::origins::{self, Origins, Traced};
+use super::origins::{self, Origins, Traced, number_of_mixed};
 use super::recipe::Channels;
 use super::shifts;
 use crate::cancel::Cancel;
@@ -64,21 +64,24 @@ pub fn layers_with_origins(
         return Ok((surface.alone(picture, Vec::new()), Origins::default()));
     }
     let of_mixed = origins::of_mixed(&frame, &mixed);
-    let hidden = inpaint::hidden(&frame, &surface.s, &mixed, Traced { mixed: &of_mixed }, cancel)?;
+    let pixels = picture.size.pixels();
+    let traced = Traced { pixels, of_pixel: |q| Some((q as u32, 1.0)) };
+    let hidden = inpaint::hidden(&frame, &surface.s, &mixed, traced, cancel)?;
     let partial = half_planes(&frame, &mixed);
     let surfaces = surface.separated(picture, (&mixed, partial), &hidden, [Vec::new(), Vec::new()]);
     let (mut in_front, mut behind) = (Vec::new(), Vec::new());
-    for (m, [front, back]) in mixed.iter().zip(of_mixed) {
+    for (i, m) in mixed.iter().enumerate() {
+        let surface = |surface| (m.index, vec![(number_of_mixed(pixels, i, surface), 1.0)]);
         // As in `split`.
         if m.coverage > 0.0 {
-            in_front.push((m.index, front));
-            behind.push((m.index, back));
+            in_front.push(surface(0));
+            behind.push(surface(1));
         } else {
-            in_front.push((m.index, back));
+            in_front.push(surface(1));
         }
     }
     behind.extend(hidden.into_iter().map(|h| (h.index, h.carried)));
-    Ok((surfaces, Origins { layers: vec![in_front, behind] }))
+    Ok((surfaces, Origins { layers: vec![in_front, behind], mixed: of_mixed }))
 }
 
 /// The visible surface of a picture of one layer.

@@ -14,22 +14,33 @@ use rayon::prelude::*;
 /// Pixels with their weights; in the picture's layers, pixel `i` of layer `l` of `n` pixels is number `l n + i`.
 pub type Form = Vec<(u32, f32)>;
 
-/// Where the colour and the depth of a cell come from.
-#[derive(Clone, Default)]
-pub struct Origin {
+/// Where the colour and the depth of a surface of a mixed pixel come from.
+pub struct MixedOrigin {
     pub color: Form,
     pub depth: Form,
 }
+
+/// Pixels and surfaces of mixed pixels, with their weights. Behind the numbers of all pixels of the picture's layers are those of
+/// the two surfaces of each mixed pixel. A hidden cell is made of what is behind mixed pixels around it, and each of these of many
+/// pixels: written down for each cell they would be most of what a scene takes.
+pub type Origin = Vec<(u32, f32)>;
 
 /// The cells of each layer of a scene that are not made of their own pixel alone, in the same layer of the picture. Behind the
 /// layers of the picture, these are all cells.
 #[derive(Default)]
 pub struct Origins {
     pub layers: Vec<Vec<(usize, Origin)>>,
+    /// Both surfaces of every mixed pixel.
+    pub mixed: Vec<[MixedOrigin; 2]>,
+}
+
+/// The number of a surface of a mixed pixel: the one in front, or the one behind.
+pub fn number_of_mixed(pixels: usize, mixed: usize, surface: usize) -> u32 {
+    (pixels + 2 * mixed + surface) as u32
 }
 
 /// The origins of both surfaces of every mixed pixel, for light.
-pub fn of_mixed(frame: &FrontLayer, mixed: &[MixedPixel]) -> Vec<[Origin; 2]> {
+pub fn of_mixed(frame: &FrontLayer, mixed: &[MixedPixel]) -> Vec<[MixedOrigin; 2]> {
     // Every channel goes the same way, so channels that are 1 for one of the three sources have its weight.
     const OWN: [f32; 4] = [1.0, 0.0, 0.0, 0.0];
     const PURE: [[f32; 4]; 2] = [[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
@@ -45,7 +56,7 @@ pub fn of_mixed(frame: &FrontLayer, mixed: &[MixedPixel]) -> Vec<[Origin; 2]> {
             form
         });
         let [[front, back], [front_depth, back_depth]] = [colors, pure];
-        [Origin { color: front, depth: front_depth }, Origin { color: back, depth: back_depth }]
+        [MixedOrigin { color: front, depth: front_depth }, MixedOrigin { color: back, depth: back_depth }]
     };
     mixed.par_iter().map(of_pixel).collect()
 }
@@ -56,30 +67,30 @@ fn add_form(sum: &mut Form, weight: f32, form: &Form) {
 
 /// Rays that bring along where they come from.
 #[derive(Clone, Copy)]
-pub struct Traced<'a> {
-    /// See [`of_mixed`].
-    pub mixed: &'a [[Origin; 2]],
+pub struct Traced<P> {
+    /// The number of pixels of all layers of the picture.
+    pub pixels: usize,
+    /// The pixel of the picture's layers that shows what a pixel shows, and its weight; nothing if there is none.
+    pub of_pixel: P,
 }
 
-impl Cargo for Traced<'_> {
+impl<P: Fn(usize) -> Option<(u32, f32)> + Sync> Cargo for Traced<P> {
     type Load = Origin;
 
     fn nothing(&self) -> Origin {
-        Origin::default()
+        Origin::new()
     }
 
     fn add(&self, sum: &mut Origin, weight: f32, source: Source) {
         match source {
-            Source::Pixel(q) => {
-                sum.color.push((q as u32, weight));
-                sum.depth.push((q as u32, weight));
-            }
-            Source::Behind(i) => Traced::add_load(sum, weight, &self.mixed[i][1]),
+            Source::Pixel(q) => sum.extend((self.of_pixel)(q).map(|(q, own)| (q, weight * own))),
+            Source::Behind(i) => sum.push((number_of_mixed(self.pixels, i, 1), weight)),
         }
     }
 
     fn add_load(sum: &mut Origin, weight: f32, load: &Origin) {
-        add_form(&mut sum.color, weight, &load.color);
-        add_form(&mut sum.depth, weight, &load.depth);
+        // There is one of these for each hidden cell.
+        sum.reserve_exact(load.len());
+        add_form(sum, weight, load);
     }
 }

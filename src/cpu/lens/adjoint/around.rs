@@ -27,8 +27,7 @@ pub struct Layer {
     pub codes: Codes,
     /// The depth codes that each cell spans.
     pub span: Vec<(u16, u16)>,
-    /// A plane for each channel.
-    pub color: PlaneSet,
+    pub color: Vec<[f32; 4]>,
     /// The borders between cells and the next ones of their surface along each axis: the shift of each, and by how much the
     /// next cell differs in each channel; 0 where the surface ends.
     pub borders: [PlaneSet; 2],
@@ -138,10 +137,12 @@ impl Layer {
             self.span.extend(lo.iter().copied().zip(hi.iter().copied()));
         }
         self.span.resize(region.len(), (0, 0));
-        self.color.clear(channels, region.len());
+        self.color.clear();
+        self.color.resize(region.len(), [0.0; 4]);
         for (c, from) in from.color.iter().enumerate().take(channels) {
-            for (y, into) in self.color.plane_mut(c).chunks_exact_mut(stride).take(rows).enumerate() {
-                into.copy_from_slice(&from[row_of(y)..][..stride]);
+            for (y, into) in self.color.chunks_exact_mut(stride).take(rows).enumerate() {
+                let row = into.iter_mut().zip(&from[row_of(y)..][..stride]);
+                row.for_each(|(color, v)| color[c] = *v);
             }
         }
         self.codes = Codes::new(frame);
@@ -162,8 +163,7 @@ impl Layer {
                 if is_one_surface(a, b, 0) {
                     borders.plane_mut(0)[at] = codes.shift(border(a, b));
                     for c in 0..channels {
-                        let color = color.plane(c);
-                        borders.plane_mut(1 + c)[at] = color[at + apart] - color[at];
+                        borders.plane_mut(1 + c)[at] = color[at + apart][c] - color[at][c];
                     }
                 } else {
                     ends[at] |= 1 << axis;

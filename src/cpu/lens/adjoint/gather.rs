@@ -15,7 +15,7 @@
 use super::around::{Around, Layer, Sums, is_one_surface};
 use super::met::Met;
 use super::plane_set::group;
-use super::views::{ACROSS, Blind, GROUPS, LensPoint, SHARES, Views};
+use super::views::{ACROSS, Blind, GROUPS, GroupViews, LensPoint, SHARES, Views};
 #[cfg(target_arch = "x86_64")]
 use crate::cpu::lens::lanes::Avx2Floats;
 use crate::cpu::lens::lanes::{FLOATS, Floats};
@@ -27,6 +27,8 @@ type Lanes = u16;
 const ALL: Lanes = Lanes::MAX;
 /// All but the last one.
 const NOT_LAST: Lanes = ALL >> 1;
+/// So many pairs of pixels wait, and those of one group and lens point.
+const PAIRS: usize = 256;
 const NOTHING: [u32; FLOATS] = [Met::NOTHING.code(); FLOATS];
 
 /// Adds to the cells around a tile what its pixels see.
@@ -35,29 +37,35 @@ pub struct Gather<'a, const C: usize> {
     pub views: &'a Views,
     /// Whether the derivatives by shifts are added, too.
     pub of_shifts: bool,
+    /// Pairs that wait for others, of which many are worked on one after another.
+    pub pairs: &'a mut Vec<Pair>,
 }
 
 /// Pixels beside each other.
-struct Pixels<F, const C: usize> {
+struct Pixels<'a, F, const C: usize> {
     /// The first of them in the tile.
     first: usize,
     /// What each gives to each of its samples; and what the next ones along each axis give, to as many.
     own: [F; C],
     next: [[F; C]; 2],
-    /// Those that have a next one along each axis in the tile.
+    /// Those that have a next one along each axis in the tile, and those in front of which there is none that is swept.
     inside: [Lanes; 2],
+    begins: [Lanes; 2],
+    /// What they see, and what the groups on the right and below see in the tile.
+    views: GroupViews<'a>,
+    right: Option<GroupViews<'a>>,
+    below: Option<GroupViews<'a>>,
 }
 
-/// What they have met through one lens point, and what the next ones below, and the one behind the last of them. Beyond the tile
+/// What pixels have met through one lens point, and what the next ones below, and the one behind the last of them. Beyond the tile
 /// that is the same.
-struct Seen<'a> {
-    lens: &'a LensPoint,
+struct Seen {
     own: [u32; FLOATS],
     below: [u32; FLOATS],
     behind: u32,
 }
 
-impl Seen<'_> {
+impl Seen {
     /// What the next pixel along an axis has met.
     #[inline(always)]
     fn next(&self, axis: usize, lane: usize) -> Met {
@@ -66,13 +74,14 @@ impl Seen<'_> {
     }
 }
 
-/// Two pixels beside each other along an axis, and what they have met.
-struct Pair {
+/// Two pixels beside each other along an axis, and what they have met through the lens point of a rank.
+pub struct Pair {
     pixels: [usize; 2],
     mets: [Met; 2],
     /// Where that is around the tile.
     at: [usize; 2],
     axis: usize,
+    rank: usize,
 }
 
 /// Where the share of a pixel is.
@@ -97,7 +106,7 @@ macro_rules! instantiate {
             unsafe fn $name<const C: usize>(gather: &mut Gather<C>) {
                 for group in 0..GROUPS {
                     // SAFETY: per the function's contract.
-                    unsafe { gather.add_pixels::<$floats>(group) };
+                    unsafe { gather.add_group::<$floats>(group) };
                 }
             }
         )*
@@ -111,6 +120,51 @@ instantiate! {
 instantiate! {
     avx2, Avx2Floats, "avx2";
     avx512, std::arch::x86_64::__m512, "avx512f,avx512bw";
+}
+
+impl<'a, F: Floats, const C: usize> Pixels<'a, F, C> {
+    /// What pixels from one on give to each of their samples.
+    ///
+    /// # Safety
+    ///
+    /// The instructions of `F` have been detected.
+    #[inline(always)]
+    unsafe fn shares(views: &Views, at: usize) -> [F; C] {
+        let from = views.given().0.groups::<C>(0, at);
+        // SAFETY: per the function's contract.
+        unsafe {
+            let mut shares = [F::all(0.0); C];
+            for c in 0..C {
+                shares[c] = F::load(from[c]);
+            }
+            shares
+        }
+    }
+
+    /// The pixels of a group.
+    ///
+    /// # Safety
+    ///
+    /// The instructions of `F` have been detected.
+    #[inline(always)]
+    unsafe fn new(views: &'a Views, is_first: [bool; 2], group: usize) -> Pixels<'a, F, C> {
+        let (x, y) = (group % ACROSS, group / ACROSS);
+        let (is_last, first) = ([x + 1 == ACROSS, y + 1 == TILE.1], y * TILE.0 + x * FLOATS);
+        let share = of_share(first);
+        // SAFETY: per the function's contract.
+        unsafe {
+            Pixels {
+                first,
+                own: Self::shares(views, share),
+                next: [Self::shares(views, share + 1), Self::shares(views, share + SHARES)],
+                inside: [if is_last[0] { NOT_LAST } else { ALL }, if is_last[1] { 0 } else { ALL }],
+                begins: [Lanes::from(is_first[0] && x == 0), if is_first[1] && y == 0 { ALL } else { 0 }],
+                views: views.of_group(group),
+                right: (!is_last[0]).then(|| views.of_group(group + 1)),
+                below: (!is_last[1]).then(|| views.of_group(group + ACROSS)),
+            }
+        }
+    }
 }
 
 impl<const C: usize> Gather<'_, C> {
@@ -134,67 +188,73 @@ impl<const C: usize> Gather<'_, C> {
         }
     }
 
-    /// What pixels from one on give to each of their samples.
-    ///
-    /// # Safety
-    ///
-    /// The instructions of `F` have been detected.
-    #[inline(always)]
-    unsafe fn shares<F: Floats>(&self, at: usize) -> [F; C] {
-        let from = self.views.given().0.groups::<C>(0, at);
-        // SAFETY: per the function's contract.
-        unsafe {
-            let mut shares = [F::all(0.0); C];
-            for c in 0..C {
-                shares[c] = F::load(from[c]);
-            }
-            shares
-        }
-    }
-
     /// Adds what the pixels of one group see through all lens points, one after another: what they give stays at hand.
     ///
     /// # Safety
     ///
     /// The instructions of `F` have been detected.
     #[inline(always)]
-    unsafe fn add_pixels<F: Floats>(&mut self, group: usize) {
-        let (views, (x, y)) = (self.views, (group % ACROSS, group / ACROSS));
-        let (is_last, first) = ([x + 1 == ACROSS, y + 1 == TILE.1], y * TILE.0 + x * FLOATS);
-        let share = of_share(first);
-        let (own, right) = (views.of_group(group), (!is_last[0]).then(|| views.of_group(group + 1)));
-        let below = (!is_last[1]).then(|| views.of_group(group + ACROSS));
+    unsafe fn add_group<F: Floats>(&mut self, group: usize) {
         // SAFETY: per the function's contract.
         unsafe {
-            let pixels = Pixels {
-                first,
-                own: self.shares(share),
-                next: [self.shares(share + 1), self.shares(share + SHARES)],
-                inside: [if is_last[0] { NOT_LAST } else { ALL }, if is_last[1] { 0 } else { ALL }],
-            };
+            let views = self.views;
+            let pixels = Pixels::<F, C>::new(views, self.around.is_first, group);
             for (rank, lens) in views.lens.iter().enumerate() {
-                let own = own.at(rank);
-                let behind = right.map_or(own[FLOATS - 1], |right| right.first(rank));
-                let seen = Seen { lens, own, below: below.map_or(own, |below| below.at(rank)), behind };
-                let mut left = !F::same(&own, &NOTHING);
-                while left != 0 {
-                    let met = own[left.trailing_zeros() as usize];
-                    let lanes = F::same(&own, &[met; FLOATS]);
-                    left &= !lanes;
-                    self.add_cells::<F>(&pixels, &seen, Met::of_code(met), lanes);
+                self.add_views(&pixels, rank, lens);
+                if self.pairs.len() >= PAIRS {
+                    self.add_pairs();
                 }
             }
+            self.add_pairs();
         }
     }
 
-    /// Adds the shares of the cells that some pixels have met, what the borders change that lie between these and the next ones,
-    /// and what pairs of pixels change which have met something else.
+    /// Adds what pixels see through the lens point of a rank.
     ///
     /// # Safety
     ///
     /// The instructions of `F` have been detected.
     #[inline(always)]
-    unsafe fn add_cells<F: Floats>(&mut self, pixels: &Pixels<F, C>, seen: &Seen, met: Met, lanes: Lanes) {
+    unsafe fn add_views<F: Floats>(&mut self, pixels: &Pixels<F, C>, rank: usize, lens: &LensPoint) {
+        let Pixels { views: own, right, below, .. } = pixels;
+        let is_alike =
+            |next: &Option<GroupViews>| next.is_none_or(|next| next.whole(rank) == own.whole(rank));
+        // SAFETY: per the function's contract.
+        unsafe {
+            if let Some(met) = own.whole(rank).filter(|_| is_alike(right) && is_alike(below)) {
+                return self.add_cells::<F>(pixels, (rank, lens), (met, ALL, [ALL; 2]), |_, _| met);
+            }
+            let own = own.at(rank);
+            let behind = right.map_or(own[FLOATS - 1], |right| right.first(rank));
+            let seen = Seen { own, below: below.map_or(own, |below| below.at(rank)), behind };
+            let mut left = !F::same(&own, &NOTHING);
+            while left != 0 {
+                let met = own[left.trailing_zeros() as usize];
+                let lanes = F::same(&own, &[met; FLOATS]);
+                left &= !lanes;
+                let right = lanes >> 1 | Lanes::from(behind == met) << (FLOATS - 1);
+                let same = [lanes & right, lanes & F::same(&seen.below, &[met; FLOATS])];
+                let met = (Met::of_code(met), lanes, same);
+                self.add_cells::<F>(pixels, (rank, lens), met, |axis, lane| seen.next(axis, lane));
+            }
+        }
+    }
+
+    /// Adds the shares of the cells that some pixels have met, what the borders change that lie between these and the next ones,
+    /// and what pairs of pixels change which have met something else. `same` are those whose next one along each axis has met
+    /// the same, and `next` is what the next one of another has met.
+    ///
+    /// # Safety
+    ///
+    /// The instructions of `F` have been detected.
+    #[inline(always)]
+    unsafe fn add_cells<F: Floats>(
+        &mut self,
+        pixels: &Pixels<F, C>,
+        (rank, lens): (usize, &LensPoint),
+        (met, lanes, same): (Met, Lanes, [Lanes; 2]),
+        next: impl Fn(usize, usize) -> Met,
+    ) {
         let at = self.around.index(pixels.first, met);
         // SAFETY: per the function's contract.
         unsafe {
@@ -211,21 +271,14 @@ impl<const C: usize> Gather<'_, C> {
             if !self.of_shifts {
                 return;
             }
-            let right = lanes >> 1 | Lanes::from(seen.behind == met.code()) << (FLOATS - 1);
-            let same = [lanes & right, lanes & F::same(&seen.below, &[met.code(); FLOATS])];
             let apart = [1, self.around.region.stride];
             for axis in 0..2 {
                 if same[axis] != 0 {
-                    self.add_borders::<F>((axis, at), met, same[axis], [own, pixels.next[axis]], seen.lens);
+                    self.add_borders::<F>((axis, at), met, same[axis], [own, pixels.next[axis]], lens);
                 }
-                // In front of the tile's first pixels others may not be swept.
-                let is_first = [
-                    Lanes::from(pixels.first.is_multiple_of(TILE.0)),
-                    if pixels.first < TILE.0 { ALL } else { 0 },
-                ];
-                let first = lanes & is_first[axis];
-                if self.around.is_first[axis] && first != 0 {
-                    self.add_borders::<F>((axis, at - apart[axis]), met, first, [[zero; C], own], seen.lens);
+                let first = lanes & pixels.begins[axis];
+                if first != 0 {
+                    self.add_borders::<F>((axis, at - apart[axis]), met, first, [[zero; C], own], lens);
                 }
             }
             let ends = self.ends(at, met);
@@ -234,12 +287,12 @@ impl<const C: usize> Gather<'_, C> {
                 while pairs != 0 {
                     let lane = pairs.trailing_zeros() as usize;
                     pairs &= pairs - 1;
-                    let next = seen.next(axis, lane);
+                    let next = next(axis, lane);
                     if next != Met::NOTHING {
                         let pixel = pixels.first + lane;
                         let (pixels, mets) = ([pixel, pixel + [1, TILE.0][axis]], [met, next]);
                         let at = [at + lane, self.around.index(pixels[1], next)];
-                        self.add_pair(&Pair { pixels, mets, at, axis }, seen.lens);
+                        self.pairs.push(Pair { pixels, mets, at, axis, rank });
                     }
                 }
             }
@@ -296,10 +349,17 @@ impl<const C: usize> Gather<'_, C> {
         }
     }
 
+    /// Adds what the pairs change that wait.
+    fn add_pairs(&mut self) {
+        let mut pairs = std::mem::take(self.pairs);
+        pairs.drain(..).for_each(|pair| self.add_pair(&pair));
+        *self.pairs = pairs;
+    }
+
     /// Adds what two pixels change, which meet two surfaces, or one in cells that are not beside each other.
     #[inline(always)]
-    fn add_pair(&mut self, pair: &Pair, lens: &LensPoint) {
-        let &Pair { pixels, mets, at, axis } = pair;
+    fn add_pair(&mut self, pair: &Pair) {
+        let &Pair { pixels, mets, at, axis, rank } = pair;
         let [a, b] = both(|k| mets[k].away());
         // From the one cell to the other: on one surface with its shift, as many as pixels.
         let step = both(|along| b[along] - a[along] + i32::from(along == axis));
@@ -307,21 +367,24 @@ impl<const C: usize> Gather<'_, C> {
         // A surface that is seen from the side may show every other cell only, or fewer. It rises by a cell's span from cell
         // to cell.
         let between = (step[0].abs().max(step[1].abs()) - 1).max(0) as u32;
-        if !is_one_surface(span_a, span_b, between) {
-            // The rim of the nearer one moves. Pairs of pixels in two tiles are not looked at; the others stand for them.
-            let side = [TILE.0, TILE.1][axis] as f32;
-            self.add_change(pair, usize::from(span_a.1 <= span_b.1), side / (side - 1.0), lens);
-        } else if mets[0].layer() == mets[1].layer() && step[axis] >= 0 && step[1 - axis] == 0 {
-            let away = a[axis] as f32;
+        let is_one = is_one_surface(span_a, span_b, between);
+        if is_one && mets[0].layer() == mets[1].layer() && step[axis] >= 0 && step[1 - axis] == 0 {
+            let (away, lens) = (a[axis] as f32, &self.views.lens[rank]);
             for passed in 0..step[axis] as usize {
                 let at = at[0] + passed * [1, self.around.region.stride][axis];
                 self.add_border(pixels, (mets[0].layer(), at), away + passed as f32, axis, lens);
             }
-        } else {
-            // In two columns and two rows, or two layers: half of it where the one cell is left, and half where the other one is
-            // entered.
-            (0..2).for_each(|k| self.add_change(pair, k, 0.5, lens));
+            return;
         }
+        // Of two surfaces, the rim of the nearer one moves. Pairs of pixels in two tiles are not looked at; the others stand for
+        // them. Of one in two columns and two rows, or two layers: half of it where the one cell is left, and half where the other
+        // one is entered. There is no branch, since nothing predicts it.
+        let side = [TILE.0, TILE.1][axis] as f32;
+        let rim = side / (side - 1.0);
+        let parts = [[rim, 0.0], [0.0, rim], [0.5, 0.5]];
+        let parts = parts[if is_one { 2 } else { usize::from(span_a.1 <= span_b.1) }];
+        let spans = [span_a, span_b];
+        (0..2).for_each(|k| self.add_change(pair, k, parts[k], spans[k]));
     }
 
     /// Adds what a border between two pixels changes: that behind a cell which is `away` from the first of them along an axis.
@@ -338,9 +401,10 @@ impl<const C: usize> Gather<'_, C> {
         let t = borders[axis].plane(0)[at];
         let along = lens[usize::from(t > 0.0)][axis];
         let across = of_share(pixels[usize::from(along * t - away <= 0.0)]);
+        let given = self.views.of_pixel(across);
         let mut dot = 0.0;
         for c in 0..C {
-            dot += self.views.given().0.plane(c)[across] * borders[axis].plane(1 + c)[at];
+            dot += given[c] * borders[axis].plane(1 + c)[at];
         }
         let Sums { by_border, .. } = sums.as_mut().expect("the layer is met");
         by_border[axis].plane_mut(0)[at] += along * dot;
@@ -349,16 +413,17 @@ impl<const C: usize> Gather<'_, C> {
     /// Adds a part of what a pair changes with one of its cells: the pixel across which that cell's border lies takes the
     /// difference between both.
     #[inline(always)]
-    fn add_change(&mut self, &Pair { pixels, mets, at, axis }: &Pair, k: usize, part: f32, lens: &LensPoint) {
+    fn add_change(&mut self, pair: &Pair, k: usize, part: f32, (lo, hi): (u16, u16)) {
+        let &Pair { pixels, mets, at, axis, rank } = pair;
         let layers = both(|k| &self.around.layers[mets[k].layer()]);
-        let (lo, hi) = layers[k].span[at[k]];
+        let [before, behind] = both(|k| layers[k].color[at[k]]);
         let t = layers[k].codes.shift(0.5 * (f32::from(lo) + f32::from(hi)));
-        let along = lens[usize::from(t > 0.0)][axis];
+        let along = self.views.lens[rank][usize::from(t > 0.0)][axis];
         let across = of_share(pixels[usize::from(along * t - mets[k].away()[axis] as f32 <= 0.0)]);
+        let given = self.views.of_pixel(across);
         let mut dot = 0.0;
         for c in 0..C {
-            let change = layers[1].color.plane(c)[at[1]] - layers[0].color.plane(c)[at[0]];
-            dot += self.views.given().0.plane(c)[across] * change;
+            dot += given[c] * (behind[c] - before[c]);
         }
         let sums = self.around.layers[mets[k].layer()].sums.as_mut().expect("the layer is met");
         sums.by_shift.plane_mut(0)[at[k]] += part * along * dot;

@@ -36,7 +36,7 @@ use crate::plan::lens::footprint::Footprint;
 use crate::plan::lens::kernels::Kernels;
 use crate::plan::lens::padding::Margin;
 use crate::plan::lens::tiles::Tile;
-use crate::scene::origins::{Form, Origin, Origins};
+use crate::scene::origins::{Form, MixedOrigin, Origins};
 use crate::simd::Simd;
 use highlights::Light;
 pub use job::Asked;
@@ -79,16 +79,14 @@ pub fn adjoint(
         narrow = std::mem::replace(&mut frame.footprint, own);
         cancel.check()?;
     }
-    let frame = &frame;
-    let discs = frame.gather(&group);
     let job = Job {
-        frame,
+        frame: &frame,
         size,
         asked,
         cotangent,
         group: &group,
-        discs,
-        beside: beside_level(frame, &settings, asked)?,
+        discs: frame.gather(&group),
+        beside: beside_level(&frame, &settings, asked)?,
     };
     let layers = input.scene.layers.len();
     let colors = [Target::Given, Target::Level].into_iter().filter(|_| asked.colors());
@@ -98,7 +96,7 @@ pub fn adjoint(
     let mut by_highlight = vec![0.0f32; light.len()];
     let scratch = || Scratch::new(&job);
     let of_tile = |scratch: &mut Scratch, tile: (usize, &Tile)| scratch.tile(&job, tile);
-    in_waves(frame, scratch, of_tile, &mut sums, |Light { number, light: more, by_shift }| {
+    in_waves(&frame, scratch, of_tile, &mut sums, |Light { number, light: more, by_shift }| {
         light[number].iter_mut().zip(more).for_each(|(sum, v)| *sum += v);
         let changes = by_shift.iter().zip(group.excess[number]);
         by_highlight[number] += changes.map(|(by_shift, excess)| by_shift * excess).sum::<f32>();
@@ -111,8 +109,10 @@ pub fn adjoint(
     }
     if asked.colors() {
         let level = sums.take(Target::Level);
-        let swept = of_drawn(input, frame, size, swept)?;
-        let cells = of_cells(frame, size, swept, &level, &light);
+        // No ray is followed any more, and what comes now takes as much memory.
+        frame.padded.layers.clear();
+        let swept = of_drawn(input, &frame, size, swept)?;
+        let cells = of_cells(&frame, size, swept, &level, &light);
         found.colors = Some(of_pixels(size, &sums.take(Target::Given), &cells, origins, &group.coverage));
     }
     Ok(found)
@@ -210,13 +210,21 @@ fn add_origins(
     cells: impl Iterator<Item = Vec<f32>>,
     origins: &Origins,
     coverage: &[&[f32]],
-    form: impl Fn(&Origin) -> &Form,
+    form: impl Fn(&MixedOrigin) -> &Form,
 ) {
+    let (n, pixels) = (out[0].len(), out.iter().map(|plane| plane.len()).sum::<usize>());
+    let mut by_mixed = vec![0.0; 2 * origins.mixed.len()];
     for (layer, mut plane) in cells.enumerate() {
-        let n = plane.len();
         for (index, origin) in origins.layers.get(layer).into_iter().flatten() {
             let v = std::mem::take(&mut plane[*index]);
-            form(origin).iter().for_each(|&(q, weight)| out[q as usize / n][q as usize % n] += weight * v);
+            for &(number, weight) in origin {
+                let number = number as usize;
+                let to = match number.checked_sub(pixels) {
+                    None => &mut out[number / n][number % n],
+                    Some(surface) => &mut by_mixed[surface],
+                };
+                *to += weight * v;
+            }
         }
         // A cell without origins is its own pixel, of whose colour it has that of what it covers.
         let Some(out) = out.get_mut(layer) else { continue };
@@ -227,5 +235,8 @@ fn add_origins(
                 cells.for_each(|((out, v), a)| *out += v / a);
             }
         }
+    }
+    for (origin, v) in origins.mixed.iter().flatten().zip(by_mixed) {
+        form(origin).iter().for_each(|&(q, weight)| out[q as usize / n][q as usize % n] += weight * v);
     }
 }

@@ -36,23 +36,28 @@ impl PlaneSet {
     /// The group of values that starts at `at`, in each plane from `first` on.
     #[inline(always)]
     pub fn groups<const N: usize>(&self, first: usize, at: usize) -> [&[f32; FLOATS]; N] {
-        let mut rest = &self.values[first * self.len..];
-        std::array::from_fn(|_| {
-            let (plane, others) = rest.split_at(self.len);
-            rest = others;
-            group(plane, at)
-        })
+        self.assert_inside::<N>(first, at);
+        let start = self.values[first * self.len..].as_ptr();
+        // SAFETY: all of these values are inside.
+        std::array::from_fn(|i| unsafe { &*start.add(i * self.len + at).cast() })
     }
 
     /// The group of values that starts at `at`, in each of the first planes.
     #[inline(always)]
     pub fn groups_mut<const N: usize>(&mut self, at: usize) -> [&mut [f32; FLOATS]; N] {
-        let mut rest = &mut self.values[..];
-        std::array::from_fn(|_| {
-            let (plane, others) = std::mem::take(&mut rest).split_at_mut(self.len);
-            rest = others;
-            group_mut(plane, at)
-        })
+        self.assert_inside::<N>(0, at);
+        let start = self.values.as_mut_ptr();
+        // SAFETY: all of these values are inside, and none is in two planes.
+        std::array::from_fn(|i| unsafe { &mut *start.add(i * self.len + at).cast() })
+    }
+
+    /// Checks once for all planes, which is what their groups are quick by.
+    #[inline(always)]
+    fn assert_inside<const N: usize>(&self, first: usize, at: usize) {
+        assert!(
+            (first + N) * self.len <= self.values.len() && at + FLOATS <= self.len,
+            "a group is inside its plane"
+        );
     }
 }
 
@@ -60,9 +65,4 @@ impl PlaneSet {
 #[inline(always)]
 pub fn group<T>(values: &[T], at: usize) -> &[T; FLOATS] {
     values[at..].first_chunk().expect("planes are longer by a group")
-}
-
-#[inline(always)]
-pub fn group_mut(values: &mut [f32], at: usize) -> &mut [f32; FLOATS] {
-    values[at..].first_chunk_mut().expect("planes are longer by a group")
 }

@@ -1,7 +1,7 @@
 //! What tiles are worked on with, one after another.
 
 use super::around::Around;
-use super::gather::Gather;
+use super::gather::{Gather, Pair};
 use super::highlights::{self, Light};
 use super::job::Job;
 use super::views::Views;
@@ -23,6 +23,7 @@ pub struct Scratch {
     segments: Segments,
     views: Views,
     around: Around,
+    pairs: Vec<Pair>,
     sums: RunningSums,
     composite: Composite,
     given: TileColor,
@@ -39,6 +40,7 @@ impl Scratch {
             segments: Segments::default(),
             views: Views::new(channels),
             around: Around::new(job.frame, channels, job.asked),
+            pairs: Vec::new(),
             sums: RunningSums::default(),
             composite: Composite::default(),
             given: tile(),
@@ -105,7 +107,7 @@ impl Scratch {
     /// Adds what a tile takes that is swept with so many samples to the cells around it.
     fn sweep(&mut self, job: &Job, tile: &Tile, samples: usize) {
         let &Job { frame, size, asked, .. } = job;
-        let Scratch { segments, views, around, given, .. } = self;
+        let Scratch { segments, views, around, pairs, given, .. } = self;
         let Work::Sweep { occupied, .. } = &tile.work else { unreachable!("the tile is swept") };
         frame.trace(segments, tile, samples, occupied);
         if frame.padded.translucent {
@@ -124,7 +126,7 @@ impl Scratch {
         let is_first = [!is_swept(x.checked_sub(TILE.0), Some(y)), !is_swept(Some(x), y.checked_sub(TILE.1))];
         around.take(frame, (tile.origin, is_first), views.reach);
         with_channels!(size.channels, C => {
-            Gather::<C> { around, views, of_shifts: asked.shifts() }.add(frame.simd);
+            Gather::<C> { around, views, of_shifts: asked.shifts(), pairs }.add(frame.simd);
         });
     }
 }

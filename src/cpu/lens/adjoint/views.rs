@@ -37,8 +37,9 @@ pub struct Views {
     of_part: Vec<Met>,
     /// For each group of pixels and each rank: what each of the pixels meets, where that is not the same for a whole part.
     codes: Buffer<u32>,
-    /// What each pixel gives to each of its samples, in each channel.
+    /// What each pixel gives to each of its samples, in each channel; and the channels of each pixel together.
     shares: PlaneSet,
+    of_pixels: Vec<[f32; 4]>,
     blind: Vec<Blind>,
     pub reach: Reach,
 }
@@ -77,6 +78,13 @@ impl GroupViews<'_> {
         }
     }
 
+    /// What all pixels of their part meet through the lens point of a rank, if it is the same.
+    #[inline(always)]
+    pub fn whole(&self, rank: usize) -> Option<Met> {
+        let met = self.of_part[rank];
+        (met != Met::NOTHING).then_some(met)
+    }
+
     /// The code of what the first of them meets.
     #[inline(always)]
     pub fn first(&self, rank: usize) -> u32 {
@@ -96,6 +104,7 @@ impl Views {
             of_part: Vec::new(),
             codes: Buffer::unset(0),
             shares,
+            of_pixels: vec![[0.0; 4]; SHARES * (TILE.1 + 1)],
             blind: Vec::new(),
             reach: Reach::default(),
         }
@@ -149,6 +158,10 @@ impl Views {
                     self.note(frame.padded.padding.stride, pixels, segments, &hits.all);
                 },
             );
+        }
+        for c in 0..cotangent.planes.len() {
+            let given = self.of_pixels.iter_mut().zip(self.shares.plane(c));
+            given.for_each(|(given, share)| given[c] = *share);
         }
     }
 
@@ -242,6 +255,12 @@ impl Views {
     /// What each pixel gives to each of its samples, and those that have met nothing.
     pub fn given(&self) -> (&PlaneSet, &[Blind]) {
         (&self.shares, &self.blind)
+    }
+
+    /// What a pixel gives to each of its samples.
+    #[inline(always)]
+    pub fn of_pixel(&self, share: usize) -> [f32; 4] {
+        self.of_pixels[share]
     }
 
     /// What the pixels of a group see.
