@@ -319,7 +319,7 @@ def _by_depth(
     """Give the derivative by depth as it was given."""
     if depth_kind == "z":
         # One over z^2, in place: a picture's worth of doubles is as large as the picture.
-        by_depth = np.square(depth, dtype=np.float64)
+        by_depth: NDArray[np.float64] = np.square(depth, dtype=np.float64)
         np.divide(np.negative(by_disparity), by_depth, out=by_depth)
         # Nothing changes with the depth of what is infinitely far away.
         by_depth[~np.isfinite(depth)] = 0.0
