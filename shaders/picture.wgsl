@@ -1,9 +1,8 @@
-// The picture and its depth, as planes.
+// The picture, as planes.
 
 override CHANNELS: u32 = 3u;
 
 @group(0) @binding(1) var<storage, read> color: array<f32>;
-@group(0) @binding(2) var<storage, read> disparity: array<f32>;
 
 // All channels of a pixel; channels that the picture does not have are 0. They are written by name: some compilers cannot
 // write a vector at an index that only the running shader knows.

@@ -17,9 +17,9 @@ const ROUNDING: f32 = 1e-8;
 
 @group(0) @binding(0) var<uniform> params: Params;
 // The first pixel of each tile.
-@group(0) @binding(3) var<storage, read> tiles: array<vec2<u32>>;
-@group(0) @binding(4) var<storage, read> shifts: array<f32>;
-@group(0) @binding(5) var<storage, read_write> picture: array<f32>;
+@group(0) @binding(2) var<storage, read> tiles: array<vec2<u32>>;
+@group(0) @binding(3) var<storage, read> shifts: array<f32>;
+@group(0) @binding(4) var<storage, read_write> picture: array<f32>;
 
 fn composed(x: i32, y: i32) -> vec4<f32> {
     let pixel = index_in(params.size, x, y);

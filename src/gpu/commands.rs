@@ -214,11 +214,17 @@ impl<'a> Commands<'a> {
     /// Makes room for a pass, and counts its work.
     pub(super) fn begin(&mut self, shader: &'static str, units: f64) -> Result<()> {
         if !lock(&self.gpu.pace).fits(&self.work, shader, units, self.gpu.submission) {
-            let recorded = std::mem::replace(&mut self.encoder, encoder(self.gpu));
-            let work = std::mem::take(&mut self.work);
-            self.gpu.submit(recorded, work, self.cancel)?;
+            self.flush()?;
         }
         lock(&self.gpu.pace).add(&mut self.work, shader, units);
+        Ok(())
+    }
+
+    /// Submits what has been recorded so far.
+    pub fn flush(&mut self) -> Result<()> {
+        let recorded = std::mem::replace(&mut self.encoder, encoder(self.gpu));
+        let work = std::mem::take(&mut self.work);
+        self.gpu.submit(recorded, work, self.cancel)?;
         Ok(())
     }
 

@@ -345,16 +345,28 @@ impl Gpu {
         usage: wgpu::BufferUsages,
     ) -> Result<wgpu::Buffer> {
         let buffer = self.buffer(what, bytes.len(), usage | wgpu::BufferUsages::COPY_DST)?;
-        UPLOADED.fetch_add(bytes.len() as u64, Ordering::Relaxed);
+        self.write(what, &buffer, 0, bytes)?;
+        Ok(buffer)
+    }
+
+    /// Writes these bytes to a buffer, beginning with its byte `first`. The rest of their last word is filled with zeros.
+    pub(super) fn write(
+        &self,
+        what: &'static str,
+        buffer: &wgpu::Buffer,
+        first: usize,
+        bytes: &[u8],
+    ) -> Result<()> {
+        let (own, end) = (bytes.len(), bytes.len().next_multiple_of(4));
+        let Some(size) = wgpu::BufferSize::new(end as u64) else { return Ok(()) };
+        UPLOADED.fetch_add(own as u64, Ordering::Relaxed);
         // Mapped at its creation, a buffer would be filled with zeros first. The bytes are there before the next
         // submission runs.
-        let size = wgpu::BufferSize::new(buffer.size());
-        let staged = size.and_then(|size| self.queue.write_buffer_with(&buffer, 0, size));
+        let staged = self.queue.write_buffer_with(buffer, first as u64, size);
         let mut staged = staged.ok_or_else(|| self.error(format_args!("{what} cannot be uploaded")))?;
-        let (own, end) = (bytes.len(), buffer.size() as usize);
         staged.slice(..own).copy_from_slice(bytes);
         staged.slice(own..end).fill(0);
-        Ok(buffer)
+        Ok(())
     }
 
     /// The pipeline of a shader, compiled on its first use.

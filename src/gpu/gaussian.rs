@@ -9,11 +9,12 @@ use crate::error::Result;
 use crate::optics::Optics;
 use crate::plan::gaussian::{Plan, REACH, Settings};
 
-pub const HALVE: Shader = shader!("gaussian/halve", ["mirror", "picture", "defocus"], [FrameParams, Defocus]);
+pub const HALVE: Shader =
+    shader!("gaussian/halve", ["mirror", "picture", "depth", "defocus"], [FrameParams, Defocus]);
 pub const BLUR_X: Shader = shader!("gaussian/blur_x", ["mirror"], [AcrossParams, Tap]);
 pub const BLUR_Y: Shader = shader!("gaussian/blur_y", ["mirror"], [DownParams]);
 pub const COMPOSITE: Shader =
-    shader!("gaussian/composite", ["mirror", "picture", "defocus"], [FrameParams, Defocus]);
+    shader!("gaussian/composite", ["mirror", "picture", "depth", "defocus"], [FrameParams, Defocus]);
 
 shared! {
     /// Parameters of the passes that read the picture.
@@ -85,7 +86,8 @@ pub fn render(
     let picture = commands.output(size)?;
 
     let (on_half, on_full) = (groups(half.0, half.1), groups(size.width, size.height));
-    let input = [Read(&scene.color), Read(&scene.disparity)];
+    let disparity = scene.disparity()?;
+    let input = [Read(&scene.color), Read(&disparity)];
     let [own, depth] = input;
     commands.pass(&HALVE, c, &frame, &[own, depth, Write(&color), Write(&blurriness)], on_half)?;
     let across = AcrossParams {

@@ -11,12 +11,12 @@ use crate::plan::hexagonal::{self as plan, Plan, Settings};
 
 pub const GATHER: Shader = shader!(
     "hexagonal/gather",
-    ["mirror", "picture", "defocus", "hexagonal/lines"],
+    ["mirror", "picture", "depth", "defocus", "hexagonal/lines"],
     [Params, Tap, Texel, Defocus]
 );
 pub const SHADE: Shader = shader!(
     "hexagonal/shade",
-    ["mirror", "picture", "defocus", "hexagonal/lines"],
+    ["mirror", "picture", "depth", "defocus", "hexagonal/lines"],
     [Params, Tap, Texel, Defocus]
 );
 
@@ -129,7 +129,8 @@ pub fn render(
         targets.push(commands.scratch::<Texel>("a target of lines", len)?);
     }
     let picture = commands.output(size)?;
-    let input = [Read(&scene.color), Read(&scene.disparity)];
+    let disparity = scene.disparity()?;
+    let input = [Read(&scene.color), Read(&disparity)];
 
     let taps = gpu.upload("the lines of the first pass", &gathered.taps)?;
     let buffers: Vec<_> = input.into_iter().chain([Read(&taps)]).chain(targets.iter().map(Write)).collect();

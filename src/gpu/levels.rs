@@ -12,7 +12,7 @@ use crate::plan::levels::{KEPT, Plan, STEPS, Settings};
 pub const REDUCE: Shader = shader!("levels/reduce", ["mirror", "picture"], [ReduceParams]);
 pub const FILTER: Shader = shader!("levels/filter", ["mirror"], [FilterParams]);
 pub const INTERPOLATE: Shader =
-    shader!("levels/interpolate", ["mirror", "picture", "defocus"], [InterpolateParams, Defocus]);
+    shader!("levels/interpolate", ["mirror", "picture", "depth", "defocus"], [InterpolateParams, Defocus]);
 
 shared! {
     /// Parameters of the reduction.
@@ -68,7 +68,8 @@ pub fn render(
     let (mut before, mut after, half_way) = (target()?, target()?, target()?);
     let picture = commands.output(size)?;
 
-    let input = [Read(&scene.color), Read(&scene.disparity)];
+    let disparity = scene.disparity()?;
+    let input = [Read(&scene.color), Read(&disparity)];
     let reduce = ReduceParams { size: full, small, block };
     let on_small = groups(width, height);
     commands.pass(&REDUCE, c, &reduce, &[input[0], input[1], Write(&before)], on_small)?;

@@ -5,7 +5,7 @@ use super::device::Gpu;
 use crate::error::Result;
 use crate::picture::{Layer, Picture, Size};
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Some rows of a picture on a device.
 pub struct GpuPicture {
@@ -18,8 +18,8 @@ pub struct GpuPicture {
     pub layers: usize,
     /// Colour planes of all layers.
     pub color: wgpu::Buffer,
-    /// Disparity of the front layer.
-    pub disparity: wgpu::Buffer,
+    /// Disparity of the front layer, uploaded when first needed.
+    disparity: Arc<OnceLock<wgpu::Buffer>>,
     /// The least and the greatest disparity of all rows of the picture.
     pub disparity_range: [f32; 2],
 }
@@ -34,7 +34,6 @@ impl GpuPicture {
     ) -> Result<GpuPicture> {
         let (size, layers) = (source.size, &source.layers);
         let pixels = rows.start * size.width..rows.end * size.width;
-        let disparity = gpu.upload("its depth", &layers[0].disparity[pixels.clone()])?;
         let color = match (color, layers.as_slice()) {
             (Some(color), _) => color,
             (None, [one]) if rows.len() == size.height => gpu.upload("the picture", &one.color)?,
@@ -52,9 +51,25 @@ impl GpuPicture {
             size: Size { height: rows.len(), ..size },
             layers: layers.len(),
             color,
-            disparity,
+            disparity: Arc::default(),
             disparity_range: layers[0].disparity_range(),
         })
+    }
+
+    /// Disparity of the front layer.
+    pub fn disparity(&self) -> Result<wgpu::Buffer> {
+        if let Some(at_hand) = self.disparity.get() {
+            return Ok(at_hand.clone());
+        }
+        let Range { start, end } = self.rows;
+        let rows = start * self.size.width..end * self.size.width;
+        let new = self.gpu.upload("the picture's depth", &self.source.layers[0].disparity[rows])?;
+        Ok(self.disparity.get_or_init(|| new).clone())
+    }
+
+    /// The coverage of all rows of the picture in each of several layers; one layer covers all.
+    pub fn coverage(&self) -> Vec<&[f32]> {
+        self.source.coverage()
     }
 
     /// Whether these are the given rows of the picture.
@@ -85,7 +100,7 @@ impl GpuPicture {
             rows: self.rows.clone(),
             size: Size { channels: channels.len(), ..self.size },
             color,
-            disparity: self.disparity.clone(),
+            disparity: Arc::clone(&self.disparity),
             ..*self
         })
     }

@@ -9,7 +9,8 @@ use crate::error::Result;
 use crate::optics::{Measure, Optics};
 use crate::plan::poisson::{Plan, Settings};
 
-pub const POISSON: Shader = shader!("poisson", ["mirror", "picture", "defocus"], [Params, Tap, Defocus]);
+pub const POISSON: Shader =
+    shader!("poisson", ["mirror", "picture", "depth", "defocus"], [Params, Tap, Defocus]);
 
 shared! {
     struct Params {
@@ -60,7 +61,8 @@ pub fn render(
     };
     let taps = commands.gpu.upload("the table of taps", &taps)?;
     let picture = commands.output(size)?;
-    let buffers = [Read(&scene.color), Read(&scene.disparity), Read(&taps), Write(&picture)];
+    let disparity = scene.disparity()?;
+    let buffers = [Read(&scene.color), Read(&disparity), Read(&taps), Write(&picture)];
     let params = |top| Params { top, ..params };
     let work = (size.width, size.height, 1 + plan.taps.len());
     commands.rows(&POISSON, size.channels, params, &buffers, work)?;

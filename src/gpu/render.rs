@@ -198,16 +198,15 @@ impl<'a> Exposure<'a> {
         let kept = self.kept;
         let picture = cache.picture(gpu, &self.picture, &band.read, kept)?;
         if let Method::Lens(settings) = self.scope.method {
-            // Steps that take long on the CPU and whose results are kept come first.
+            // What takes long on the CPU and is kept comes first.
             let (optics, _) = settings.leaning(self.imaging, &self.imaging.optics)?;
-            cache.cells(gpu, &self.layered(&optics)?, &band.read, kept)?;
+            self.layered(&optics)?;
         }
         gpu.guarded(|| {
             let mut commands = Commands::new(gpu, self.scope.cancel);
             let rendered = if self.imaging.is_axially_chromatic() {
                 by_focus::render(&mut commands, picture.size, |commands, color, channels| {
-                    let part = picture.of_channels(commands, channels)?;
-                    self.part(commands, band, &part, Some(channels), &self.imaging.optics_of(color))
+                    self.part(commands, band, &picture, Some(channels), &self.imaging.optics_of(color))
                 })?
             } else {
                 self.part(&mut commands, band, &picture, None, &self.imaging.optics_of(1))?
@@ -236,7 +235,7 @@ impl<'a> Exposure<'a> {
         })
     }
 
-    /// Renders a band at one focus: all of its channels, or only some, which `picture` then consists of.
+    /// Renders a band of a picture at one focus: all of its channels, or only some.
     fn part(
         &self,
         commands: &mut Commands,
@@ -246,12 +245,16 @@ impl<'a> Exposure<'a> {
         optics: &Optics,
     ) -> Result<wgpu::Buffer> {
         let (gpu, &Scope { scene, cache, simd, cancel, .. }) = (self.gpu, self.scope);
+        let part = channels.map(|channels| picture.of_channels(commands, channels)).transpose()?;
+        let whole = picture;
+        let picture = part.as_ref().unwrap_or(whole);
         match self.scope.method {
             Method::Lens(settings) => {
                 let imaging = self.imaging.rows_from(band.read.start);
                 let (optics, settings) = settings.leaning(&imaging, optics)?;
                 let layered = self.layered(&optics)?;
-                let (mut layered, mut cells) = cache.cells(gpu, &layered, &band.read, self.kept)?;
+                let (mut layered, mut cells) =
+                    cache.cells(commands, whole, &layered, &band.read, self.kept)?;
                 if let Some(channels) = channels {
                     layered = Arc::new(layered.of_channels(channels));
                     cells = Arc::new(cells.of_channels(commands, channels)?);

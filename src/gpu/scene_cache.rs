@@ -1,5 +1,6 @@
 //! The data that a device keeps from one render of a scene to the next.
 
+use super::commands::Commands;
 use super::device::Gpu;
 use super::lens::Cells;
 use super::picture::GpuPicture;
@@ -100,21 +101,24 @@ impl SceneCache {
         self.pictures.get(count, fits, || gpu.guarded(|| GpuPicture::new(gpu, picture, rows, color)))
     }
 
-    /// Rows of these layers and their cells on this device, uploaded by the first call. There are `count` such bands.
+    /// Rows of these layers and their cells on the device, where the picture has the same rows; made by the first call.
+    /// There are `count` such bands.
     pub fn cells(
         &self,
-        gpu: &Arc<Gpu>,
+        commands: &mut Commands,
+        picture: &GpuPicture,
         source: &Arc<LayeredScene>,
         rows: &Range<usize>,
         count: usize,
     ) -> Result<(Arc<LayeredScene>, Arc<Cells>)> {
+        let gpu = commands.gpu;
         let fits = |own: &OnDevice| {
             Arc::ptr_eq(&own.gpu, gpu) && Arc::ptr_eq(&own.source, source) && own.rows == *rows
         };
         let make = || {
             let whole = rows.len() == source.size.height;
             let layers = if whole { Arc::clone(source) } else { Arc::new(source.rows(rows.clone())) };
-            let cells = Arc::new(gpu.guarded(|| Cells::new(gpu, &layers))?);
+            let cells = Arc::new(gpu.guarded(|| Cells::new(commands, picture, source, rows))?);
             Ok(OnDevice {
                 gpu: Arc::clone(gpu),
                 source: Arc::clone(source),

@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::optics::Optics;
 use crate::plan::taps::{MAX_BLUR, Plan, Settings};
 
-pub const TAPS: Shader = shader!("taps", ["mirror", "picture", "defocus"], [Params, Tap, Defocus]);
+pub const TAPS: Shader = shader!("taps", ["mirror", "picture", "depth", "defocus"], [Params, Tap, Defocus]);
 
 shared! {
     struct Params {
@@ -67,7 +67,8 @@ pub fn render(
     };
     let taps = commands.gpu.upload("the table of look-ups", &taps)?;
     let picture = commands.output(size)?;
-    let buffers = [Read(&scene.color), Read(&scene.disparity), Read(&taps), Write(&picture)];
+    let disparity = scene.disparity()?;
+    let buffers = [Read(&scene.color), Read(&disparity), Read(&taps), Write(&picture)];
     let params = |top| Params { top, ..params };
     let work = (size.width, size.height, 1 + plan.taps.len());
     commands.rows(&TAPS, size.channels, params, &buffers, work)?;

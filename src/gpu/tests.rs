@@ -52,7 +52,7 @@ fn render((renderer, out): &(Renderer, Vec<f32>), device: Device) -> crate::erro
 }
 
 /// Runs a test on the first adapter, if there is one.
-fn on_adapter(test: impl FnOnce()) {
+pub fn on_adapter(test: impl FnOnce()) {
     let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     if adapters::all().is_empty() {
         println!("SKIPPED: there is no adapter");

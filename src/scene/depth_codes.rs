@@ -28,6 +28,11 @@ impl DepthCodes {
         (code + TWO_TO_23).to_bits() as u16 + 1
     }
 
+    /// The least shift, and codes a pixel of shift, in the precision of [`encode`](DepthCodes::encode).
+    pub fn scale(&self) -> [f32; 2] {
+        [self.least, self.per_px]
+    }
+
     /// The shift of a code, or of a position between two codes.
     pub fn decode(&self, code: f64) -> f64 {
         self.s_min + (code - 1.0) * self.step

@@ -195,6 +195,7 @@ fn carry_on(last: &mut u8, d: &mut u8) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     #[test]
     fn an_edge_begins_with_no_strength() {
@@ -209,6 +210,22 @@ mod tests {
                 let found = strength(&step, w, h, i % w, i / w);
                 assert!((found - if beside { expected } else { 0.0 }).abs() < 1e-3, "{height}: {found}");
                 assert!(found == 0.0 || l & EDGE != 0);
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_not_connected_is_at_an_edge(s in prop::collection::vec(0.0..4.0f32, 9 * 7), scale in 0.2..2.0f32) {
+            let (w, h) = (9, 7);
+            let s: Vec<f32> = s.iter().map(|s| scale * s).collect();
+            let connectivity = connectivity(&s, w, h);
+            for i in 0..w * h {
+                for (inside, bit, beside) in [(i % w + 1 < w, RIGHT, i + 1), (i / w + 1 < h, DOWN, i + w)] {
+                    if inside && connectivity[i] & bit == 0 {
+                        prop_assert!(connectivity[i] & connectivity[beside] & EDGE != 0, "{i} {bit}");
+                    }
+                }
             }
         }
     }

@@ -202,6 +202,11 @@ fn carried_by(groups: &[ChannelGroup], layer: usize, coverage: &[f32]) -> Vec<Co
     groups.iter().map(of_group).collect()
 }
 
+/// Whether dividing by a pixel's coverage changes what the pixel has.
+pub fn is_divided(coverage: f32) -> bool {
+    coverage > 0.0 && coverage != 1.0
+}
+
 /// Divides the planes of a layer by its coverage; nothing is left where it covers nothing.
 fn divide_by_coverage(planes: &mut [f32], coverage: &[f32]) {
     planes.par_chunks_mut(coverage.len()).for_each(|plane| {

@@ -115,6 +115,13 @@ impl LayeredScene {
         }
     }
 
+    /// For each layer the number of that of the picture whose pixels its cells are: none for a holdout, and for what the
+    /// picture hides.
+    pub fn layers_of_picture(&self) -> impl Iterator<Item = Option<usize>> {
+        let mut numbers = 0..;
+        self.layers.iter().map(move |layer| if layer.colors.is_list() { None } else { numbers.next() })
+    }
+
     /// The same cells, without carried channels, in some rows of the frame, which begin with a block and end with one or
     /// with the frame. Everything that was found for the whole frame stays as it is.
     pub fn rows(&self, rows: Range<usize>) -> LayeredScene {

@@ -16,7 +16,7 @@ mod depth_noise;
 pub(crate) mod depth_spans;
 pub(crate) mod edges;
 pub(crate) mod front_layer;
-mod given_layers;
+pub(crate) mod given_layers;
 pub(crate) mod grid;
 pub(crate) mod half_plane;
 pub(crate) mod highlights;

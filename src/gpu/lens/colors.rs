@@ -13,8 +13,11 @@ use crate::scene::edges::CONNECTED_PX;
 pub const REPLACE_COLORS: Shader = shader!("lens/replace_colors", [], [ReplaceParams, Replacement]);
 pub const WIDEN: Shader =
     shader!("lens/widen", ["mirror", "lens/depth_spans", "lens/footprint"], [WidenParams, Footprint]);
-pub const SHARPEN: Shader =
-    shader!("lens/sharpen", ["mirror", "lens/depth_spans", "lens/footprint"], [SharpenParams, Footprint]);
+pub const SHARPEN: Shader = shader!(
+    "lens/sharpen",
+    ["mirror", "lens/depth_spans", "lens/footprint", "lens/neighbours"],
+    [SharpenParams, Footprint]
+);
 
 shared! {
     /// Parameters for cells whose colour is replaced.
@@ -165,8 +168,7 @@ pub fn drawn(
     let params = SharpenParams { size, layers: cells.layers as u32, connected_px: CONNECTED_PX, footprint };
     let drawn = spare.map_or_else(|| buffer(commands), Ok)?;
     let source = widened.as_ref().unwrap_or(colors);
-    let buffers =
-        [Read(&variances), Read(&cells.shifts), Read(&cells.connectivity), Read(source), Write(&drawn)];
+    let buffers = [Read(&variances), Read(&cells.shifts), Read(&cells.edges), Read(source), Write(&drawn)];
     commands.pass(&SHARPEN, channels, &params, &buffers, on_all)?;
     Ok(drawn)
 }

@@ -1,18 +1,50 @@
 //! A layered scene on a device.
+//!
+//! What the picture does not have is taken there and nothing else: shifts, the cells that are [listed], and where
+//! surfaces end. From that and from the picture, which is there already, the device makes the cells.
 
+use super::edges;
+use super::listed::{self, Listed};
 use crate::error::Result;
 use crate::gpu::commands::Bound::{Read, Write};
 use crate::gpu::commands::{Commands, groups, pixels};
-use crate::gpu::device::Gpu;
+use crate::gpu::picture::GpuPicture;
 use crate::gpu::shader::{Shader, shader, shared};
-use crate::memory;
 use crate::picture::Size;
+use crate::scene::edges::CONNECTED_PX;
 use crate::scene::layer::{Role, SceneLayer};
 use crate::scene::layered::LayeredScene;
-use rayon::prelude::*;
-use std::sync::Arc;
+use std::ops::Range;
+use wgpu::BufferUsages;
 
+pub const CELLS: Shader = shader!("lens/cells", ["picture", "lens/depth_spans"], [CellsParams]);
+pub const SPANS: Shader = shader!("lens/spans", ["lens/depth_spans", "lens/neighbours"], [SpansParams]);
 pub const CHANNELS: Shader = shader!("lens/channels", [], [ChannelsParams]);
+
+shared! {
+    /// Parameters for the cells of one layer.
+    struct CellsParams {
+        size: [u32; 2],
+        first: u32,
+        planes: u32,
+        covered: u32,
+        listed_shifts: u32,
+        color_words: u32,
+        shift_words: u32,
+        number_words: u32,
+    }
+}
+
+shared! {
+    /// Parameters for the depths that cells span.
+    struct SpansParams {
+        size: [u32; 2],
+        layers: u32,
+        connected_px: f32,
+        least: f32,
+        per_px: f32,
+    }
+}
 
 shared! {
     /// Parameters for a selection of channels.
@@ -23,16 +55,13 @@ shared! {
 }
 
 /// The shift of an empty cell, because shaders cannot rely on NaN.
+#[cfg(test)]
 pub const NOWHERE: f32 = 1e30;
-/// The connectivity of a layer that has none.
-pub const NO_CONNECTIVITY: u8 = 128;
-/// The connectivity of a layer that has none because it is a holdout.
-pub const OF_HOLDOUT: u8 = NO_CONNECTIVITY | 64;
-/// Bytes of a cell beside its colour: its codes, its shift, its connectivity, and a half-plane's number. Half-planes
-/// are few; those of edges that fill a quarter of the picture have as many bytes.
-pub const OTHER_BYTES_PER_CELL: usize = 4 + 4 + 1 + 4 + 4;
-/// Number of values that one worker converts at a time.
-const CHUNK: usize = 1 << 14;
+/// In place of the first plane of the picture that a layer has: it has none.
+pub const NO_PLANES: u32 = u32::MAX;
+/// Bytes of a cell beside its colour: its codes, its shift, and a half-plane's number; half-planes are few, and those of
+/// edges that fill a quarter of the picture have as many bytes; and a bit for where surfaces end.
+pub const OTHER_BYTES_PER_CELL: usize = 4 + 4 + 4 + 4 + 1;
 
 /// The cells of all layers, one layer after another.
 pub struct Cells {
@@ -46,53 +75,122 @@ pub struct Cells {
     /// Depth spans: the farthest code in the low half, the nearest in the high half.
     pub codes: wgpu::Buffer,
     pub shifts: wgpu::Buffer,
-    /// Four bytes per word.
-    pub connectivity: wgpu::Buffer,
+    /// See [`edges::words`].
+    pub edges: wgpu::Buffer,
     /// Four channels per cell.
     pub colors: wgpu::Buffer,
-    /// For each cell 0, or one more than the index of its half-plane; then the half-planes, three words each.
+    /// For each cell 0, or one more than the index of its half-plane; then the half-planes, four words each.
     pub half_planes: wgpu::Buffer,
     /// For each layer whether it is a holdout.
     pub holdouts: Vec<u32>,
 }
 
 impl Cells {
-    /// Uploads a layered scene to a device.
-    pub fn new(gpu: &Arc<Gpu>, scene: &LayeredScene) -> Result<Cells> {
-        let (size, n) = (scene.size, scene.size.pixels());
-        let codes: Vec<u32> = scene
-            .depths
-            .iter()
-            .flat_map(|depths| {
-                depths.lo.iter().zip(depths.hi.iter()).map(|(&lo, &hi)| u32::from(lo) | u32::from(hi) << 16)
-            })
-            .collect();
-        let codes = gpu.upload("the depths of all cells", &codes)?;
-        let shown = |s: &f32| if s.is_nan() { NOWHERE } else { *s };
-        let shifts: Vec<f32> = scene.layers.iter().flat_map(|layer| layer.s.iter().map(shown)).collect();
-        let shifts = gpu.upload("the shifts of all cells", &shifts)?;
-        let mut connectivity: Vec<u8> = Vec::with_capacity((n * scene.layers.len()).next_multiple_of(4));
-        for layer in &scene.layers {
-            let end = connectivity.len() + n;
-            match layer.role {
-                Role::Holdout => connectivity.resize(end, OF_HOLDOUT),
-                Role::Surface if layer.connectivity.is_empty() => connectivity.resize(end, NO_CONNECTIVITY),
-                Role::Surface => connectivity.extend_from_slice(&layer.connectivity),
+    /// Takes rows of a layered scene to a device that has the same rows of its picture.
+    ///
+    /// The passes that make the cells are submitted at once: others may then use what is kept.
+    pub fn new(
+        commands: &mut Commands,
+        picture: &GpuPicture,
+        scene: &LayeredScene,
+        rows: &Range<usize>,
+    ) -> Result<Cells> {
+        let gpu = commands.gpu;
+        let size = Size { height: rows.len(), ..scene.size };
+        let range = rows.start * size.width..rows.end * size.width;
+        let (n, layers) = (size.pixels(), scene.layers.len());
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
+        let buffer = |what, bytes: usize| gpu.buffer(what, bytes, usage);
+        let half_planes: Vec<[f32; 4]> = half_planes(&scene.layers, &range);
+        let number_bytes = size_of::<u32>() * n * layers;
+        let held = scene.held.as_ref().map(|held| {
+            let planes: Vec<f32> = held
+                .own
+                .chunks(scene.size.pixels())
+                .flat_map(|plane| plane[range.clone()].iter().copied())
+                .collect();
+            gpu.upload("the picture behind holdouts", &planes)
+        });
+        let cells = Cells {
+            size,
+            layers,
+            front: scene.front,
+            held: held.transpose()?,
+            codes: buffer("the depths of all cells", size_of::<u32>() * n * layers)?,
+            shifts: buffer("the shifts of all cells", size_of::<f32>() * n * layers)?,
+            edges: gpu.upload("where surfaces end", &edges::words(&scene.layers, range.clone()))?,
+            colors: buffer("the colours of all cells", size_of::<[f32; 4]>() * n * layers)?,
+            half_planes: buffer("the half-planes of all cells", number_bytes + size_of_val(&*half_planes))?,
+            holdouts: scene.layers.iter().map(|layer| u32::from(layer.role == Role::Holdout)).collect(),
+        };
+        let planes = bytemuck::cast_slice(&half_planes);
+        gpu.write("the half-planes of all cells", &cells.half_planes, number_bytes, planes)?;
+        cells.lay_out(commands, picture, scene, &range)?;
+        cells.span_depths(commands, scene)?;
+        commands.flush()?;
+        Ok(cells)
+    }
+
+    /// Makes the cells of each layer, a range of whose pixels these are.
+    fn lay_out(
+        &self,
+        commands: &mut Commands,
+        picture: &GpuPicture,
+        scene: &LayeredScene,
+        range: &Range<usize>,
+    ) -> Result<()> {
+        let (gpu, size, n) = (commands.gpu, self.size, self.size.pixels());
+        let coverage = picture.coverage();
+        let mut numbers = 0;
+        for (l, (layer, of_picture)) in scene.layers.iter().zip(scene.layers_of_picture()).enumerate() {
+            let coverage = of_picture.and_then(|number| coverage.get(number).copied());
+            let Listed { record, places, words } = Listed::new(layer, range.clone(), coverage, numbers);
+            numbers += layer.partial_in(range.clone()).len();
+            let listed_shifts = layer.role == Role::Surface && layer.colors.is_list();
+            if !listed_shifts {
+                let own = bytemuck::cast_slice(&layer.s[range.clone()]);
+                gpu.write("the shifts of all cells", &self.shifts, size_of::<f32>() * n * l, own)?;
             }
+            // If no cell is listed, none is looked up.
+            let record = if words.is_empty() { listed::Record::NOTHING } else { record };
+            let params = CellsParams {
+                size: pixels(size),
+                first: (n * l) as u32,
+                planes: of_picture.map_or(NO_PLANES, |number| (size.channels * number) as u32),
+                covered: u32::from(coverage.is_some()),
+                listed_shifts: u32::from(listed_shifts),
+                color_words: record.color as u32,
+                shift_words: record.shift as u32,
+                number_words: record.number as u32,
+            };
+            let places = gpu.upload("the places of listed cells", &places)?;
+            let words = gpu.upload("the listed cells", &words)?;
+            let buffers = [
+                Read(&picture.color),
+                Read(&places),
+                Read(&words),
+                Write(&self.colors),
+                Write(&self.shifts),
+                Write(&self.half_planes),
+            ];
+            commands.pass(&CELLS, size.channels, &params, &buffers, groups(size.width, size.height))?;
         }
-        let connectivity = gpu.upload("the connectivity between cells", &connectivity)?;
-        let mut colors: Vec<[f32; 4]> = memory::zeros(n * scene.layers.len());
-        scene.layers.iter().zip(colors.chunks_mut(n)).for_each(|(layer, out)| interleave(layer, size, out));
-        let colors = gpu.upload("the colours of all cells", &colors)?;
-        let half_planes = gpu.upload("the half-planes of all cells", &half_planes(&scene.layers, n))?;
-        let held = scene
-            .held
-            .as_ref()
-            .map(|held| gpu.upload("the picture behind holdouts", &held.own))
-            .transpose()?;
-        let (layers, front) = (scene.layers.len(), scene.front);
-        let holdouts = scene.layers.iter().map(|layer| u32::from(layer.role == Role::Holdout)).collect();
-        Ok(Cells { size, layers, front, held, codes, shifts, connectivity, colors, half_planes, holdouts })
+        Ok(())
+    }
+
+    /// Finds the depths that the cells span.
+    fn span_depths(&self, commands: &mut Commands, scene: &LayeredScene) -> Result<()> {
+        let [least, per_px] = scene.codes.scale();
+        let params = SpansParams {
+            size: pixels(self.size),
+            layers: self.layers as u32,
+            connected_px: CONNECTED_PX,
+            least,
+            per_px,
+        };
+        let [across, down, _] = groups(self.size.width, self.size.height);
+        let buffers = [Write(&self.codes), Read(&self.shifts), Read(&self.edges)];
+        commands.pass(&SPANS, self.size.channels, &params, &buffers, [across, down, self.layers as u32])
     }
 
     /// The same cells with only one or two channels of their colours, for one job.
@@ -115,7 +213,7 @@ impl Cells {
             held,
             codes: self.codes.clone(),
             shifts: self.shifts.clone(),
-            connectivity: self.connectivity.clone(),
+            edges: self.edges.clone(),
             colors,
             half_planes: self.half_planes.clone(),
             holdouts: self.holdouts.clone(),
@@ -143,31 +241,8 @@ fn planes_of(
     Ok(some)
 }
 
-/// Interleaves the channels of a layer's colours.
-fn interleave(layer: &SceneLayer, size: Size, out: &mut [[f32; 4]]) {
-    let planes = layer.colors.to_planes();
-    let planes: Vec<&[f32]> = planes.chunks(size.pixels()).collect();
-    out.par_chunks_mut(CHUNK).enumerate().for_each(|(i, out)| {
-        for (x, color) in out.iter_mut().enumerate() {
-            for (value, plane) in color.iter_mut().zip(&planes) {
-                *value = plane[i * CHUNK + x];
-            }
-        }
-    });
-}
-
-/// The words of the half-planes.
-fn half_planes(layers: &[SceneLayer], pixels: usize) -> Vec<u32> {
-    let mut words = memory::zeros(layers.len() * pixels);
-    let mut planes: Vec<u32> = Vec::new();
-    for (first, layer) in (0..).step_by(pixels).zip(layers) {
-        for (index, plane) in layer.partial.iter() {
-            let [x, y] = plane.normal;
-            let values = [x, y, plane.cut, plane.opacity].map(f32::to_bits);
-            planes.extend(values);
-            words[first + index] = (planes.len() / values.len()) as u32;
-        }
-    }
-    words.extend(planes);
-    words
+/// The half-planes of all layers' cells in a range of pixels.
+fn half_planes(layers: &[SceneLayer], range: &Range<usize>) -> Vec<[f32; 4]> {
+    let all = layers.iter().flat_map(|layer| layer.partial_in(range.clone()));
+    all.map(|(_, plane)| [plane.normal[0], plane.normal[1], plane.cut, plane.opacity]).collect()
 }

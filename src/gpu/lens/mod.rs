@@ -5,12 +5,16 @@
 
 pub(super) mod colors;
 pub(super) mod disc;
+pub(super) mod edges;
 pub(super) mod frame;
 pub(super) mod highlights;
 mod kernels;
 pub(super) mod layered;
+mod listed;
 pub(super) mod optical_vignetting;
 pub(super) mod sweep;
+#[cfg(test)]
+mod tests;
 
 pub use layered::Cells;
 
@@ -133,8 +137,7 @@ fn in_focus(commands: &mut Commands, picture: &GpuPicture, frame: &LensFrame) ->
     };
     let work = vec![units(1); origins.len()];
     let tiles = commands.gpu.upload("the tiles in focus", &origins)?;
-    let buffers =
-        [Read(color), Read(&picture.disparity), Read(&tiles), Read(&cells.shifts), Write(frame.picture)];
+    let buffers = [Read(color), Read(&tiles), Read(&cells.shifts), Write(frame.picture)];
     let params = |first_tile| InFocusParams { first_tile, ..params };
     commands.tiles(&IN_FOCUS, picture.size.channels, params, &buffers, (&work, GROUPS))
 }

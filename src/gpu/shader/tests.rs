@@ -8,7 +8,7 @@ use crate::optics::Measure;
 use crate::plan::lens::Missed;
 use crate::plan::poisson::LeakTest;
 use crate::plan::taps::Mix;
-use crate::scene::edges;
+use crate::scene::depth_codes::DepthCodes;
 use crate::scene::grid::TILE;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{Expression, Literal, Module, TypeInner, front::wgsl};
@@ -16,7 +16,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// All shaders.
-pub const SHADERS: [Shader; 33] = [
+pub const SHADERS: [Shader; 35] = [
     by_focus::BY_FOCUS,
     falloff::FALLOFF,
     gaussian::HALVE,
@@ -24,6 +24,8 @@ pub const SHADERS: [Shader; 33] = [
     gaussian::BLUR_Y,
     gaussian::COMPOSITE,
     lens::IN_FOCUS,
+    lens::layered::CELLS,
+    lens::layered::SPANS,
     lens::layered::CHANNELS,
     lens::colors::REPLACE_COLORS,
     lens::colors::WIDEN,
@@ -121,14 +123,13 @@ fn structures_lie_as_in_rust() {
 }
 
 /// Constants that both shaders and Rust state: a part of the shader's name, the constant, and Rust's value.
-const STATED_TWICE: [(&str, &str, f64); 17] = [
+const STATED_TWICE: [(&str, &str, f64); 16] = [
     ("levels/filter", "GROUP", GROUP as f64),
     ("lens/", "NOWHERE", lens::layered::NOWHERE as f64),
-    ("lens/sharpen", "NO_CONNECTIVITY", lens::layered::NO_CONNECTIVITY as f64),
-    ("lens/sharpen", "OF_HOLDOUT", lens::layered::OF_HOLDOUT as f64),
-    ("lens/sharpen", "RIGHT", edges::RIGHT as f64),
-    ("lens/sharpen", "DOWN", edges::DOWN as f64),
-    ("lens/sharpen", "EDGE", edges::EDGE as f64),
+    ("lens/cells", "NO_PLANES", lens::layered::NO_PLANES as f64),
+    ("lens/spans", "MOST", (DepthCodes::MAX - 1) as f64),
+    ("lens/", "NO_EDGES", lens::edges::NO_EDGES as f64),
+    ("lens/", "OF_HOLDOUT", lens::edges::OF_HOLDOUT as f64),
     ("lens/sweep", "MISSED_NOTHING", Missed::Nothing as u32 as f64),
     ("lens/sweep", "BATCH", lens::sweep::BATCH as f64),
     ("lens/sweep", "ROWS", (lens::sweep::ROWS / lens::frame::GROUP_ROWS) as f64),

@@ -23,39 +23,39 @@ use table::{Sprite, boundaries};
 
 pub const COUNT: Shader = shader!(
     "sprites/count",
-    ["mirror", "picture", "defocus", "sprites/circles", "sprites/points"],
+    ["mirror", "picture", "depth", "defocus", "sprites/circles", "sprites/points"],
     [Params, Sprite, Defocus]
 );
 pub const OFFSETS: Shader = shader!("sprites/offsets", [], [OffsetParams]);
 pub const APPEND: Shader = shader!(
     "sprites/append",
-    ["mirror", "picture", "defocus", "sprites/circles", "sprites/points"],
+    ["mirror", "picture", "depth", "defocus", "sprites/circles", "sprites/points"],
     [Params, Sprite, Point, Defocus]
 );
 pub const PLACE: Shader = shader!(
     "sprites/place",
-    ["mirror", "picture", "defocus", "sprites/circles", "sprites/points", "sprites/quad"],
+    ["mirror", "picture", "depth", "defocus", "sprites/circles", "sprites/points", "sprites/quad"],
     [Params, Sprite, Point, Defocus]
 );
 pub const WEIGH: Shader = shader!("sprites/weigh", ["sprites/quad"], []);
 pub const GATHER: Shader = shader!(
     "sprites/gather",
-    ["mirror", "picture", "defocus", "sprites/circles", "sprites/points"],
+    ["mirror", "picture", "depth", "defocus", "sprites/circles", "sprites/points"],
     [Params, Sprite, Defocus]
 );
 pub const BEHIND: Shader = shader!(
     "sprites/behind",
-    ["mirror", "picture", "defocus", "sprites/circles", "sprites/light"],
+    ["mirror", "picture", "depth", "defocus", "sprites/circles", "sprites/light"],
     [Params, Defocus]
 );
 pub const REST: Shader = shader!(
     "sprites/rest",
-    ["mirror", "picture", "interleaved", "defocus", "sprites/circles"],
+    ["mirror", "picture", "depth", "interleaved", "defocus", "sprites/circles"],
     [Params, Defocus]
 );
 pub const IN_FRONT: Shader = shader!(
     "sprites/in_front",
-    ["mirror", "picture", "interleaved", "defocus", "sprites/circles", "sprites/light"],
+    ["mirror", "picture", "depth", "interleaved", "defocus", "sprites/circles", "sprites/light"],
     [Params, Defocus]
 );
 
@@ -181,12 +181,13 @@ pub fn render(
         shift: optics.defocus(Measure::Shift, 1.0).into(),
     };
     let boundaries = gpu.upload("the boundaries between steps", &boundaries)?;
-    let points = Points { scene, table, boundaries, params, reach };
+    let disparity = scene.disparity()?;
+    let points = Points { scene, disparity: &disparity, table, boundaries, params, reach };
     let [in_front, behind] = points.layers(commands, &steps)?;
     let picture = commands.output(size)?;
 
     let on_all = groups(size.width, size.height);
-    let input = [Read(&scene.color), Read(&scene.disparity)];
+    let input = [Read(&scene.color), Read(&disparity)];
     // If no pixel is behind the focus, the light of that layer is never read.
     let behind = behind.map_or_else(|| Light::new(commands, 1), Ok)?;
     let buffers = [input[0], input[1], Read(&behind.color), Read(&behind.coverage), Write(&picture)];
@@ -211,6 +212,7 @@ pub fn render(
 /// The points that are drawn.
 struct Points<'a> {
     scene: &'a GpuPicture,
+    disparity: &'a wgpu::Buffer,
     table: &'a Table,
     boundaries: wgpu::Buffer,
     params: Params,
@@ -219,8 +221,8 @@ struct Points<'a> {
 
 impl Points<'_> {
     fn buffers(&self) -> [super::commands::Bound<'_>; 4] {
-        let Points { scene, table, boundaries, .. } = self;
-        [Read(&scene.color), Read(&scene.disparity), Read(boundaries), Read(&table.sprites)]
+        let Points { scene, disparity, table, boundaries, .. } = self;
+        [Read(&scene.color), Read(disparity), Read(boundaries), Read(&table.sprites)]
     }
 
     /// The light of the layers in front and behind, if any of these steps are in them.
