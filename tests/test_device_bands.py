@@ -6,6 +6,7 @@ import dofsim
 import numpy as np
 import pytest
 from both_devices import CASES, CLIPPED, FLAWS, SCENES, assert_agree, metric_scene, random_color, render
+from dofsim._dofsim import device_traffic
 
 
 def tall(height=1000, width=40):
@@ -43,31 +44,27 @@ def test_frames_in_bands_are_the_same(gpu, restricted, method, flaw):
 
 @pytest.mark.parametrize("method", CASES)
 def test_scenes_in_bands_stay_on_the_device(gpu, restricted, method):
-    from dofsim._dofsim import uploaded_bytes
-
     restricted(max_binding_bytes=BAND_BYTES.get(method, 470_000))
     color, depth = tall()
     scene = dofsim.Scene(color, depth, device=gpu)
     lens = dofsim.Lens(aperture_radius=0.15, focus_distance=3.0, fov=40.0)
     options = {"views": 16} if method == "lens" else {}
     first = scene.render(lens, method=method, **options)
-    before = uploaded_bytes()
+    before = device_traffic()["uploaded_bytes"]
     np.testing.assert_array_equal(scene.render(lens, method=method, **options), first)
-    assert uploaded_bytes() - before < color.nbytes
+    assert device_traffic()["uploaded_bytes"] - before < color.nbytes
 
 
 def test_what_does_not_fit_in_bands_is_refused_before_work_starts(gpu, restricted):
-    from dofsim._dofsim import uploaded_bytes
-
     color, depth = tall()
     lens = dofsim.Lens(aperture_radius=0.15, focus_distance=3.0, fov=40.0)
     restricted(max_binding_bytes=20_000)
-    before = uploaded_bytes()
+    before = device_traffic()["uploaded_bytes"]
     with pytest.raises(
         dofsim.DeviceError, match=r"band of the picture would need \d+ MiB .* the device allows"
     ):
         dofsim.render(color, depth, lens, device=gpu, method="taps")
-    assert uploaded_bytes() == before
+    assert device_traffic()["uploaded_bytes"] == before
 
 
 @pytest.mark.parametrize("options", CASES["sprites"], ids=str)
@@ -81,14 +78,12 @@ def test_sprites_without_blending_agree_too(gpu, restricted, name, options):
 
 @pytest.mark.parametrize("method", CASES)
 def test_a_focal_stack_takes_no_picture_to_the_device(gpu, method):
-    from dofsim._dofsim import uploaded_bytes
-
     color, depth = metric_scene()
     scene = dofsim.Scene(color, depth, device=gpu)
     lens = dofsim.Lens(aperture_radius=0.01, focus_distance=3.0, fov=40.0)
     distances = np.linspace(2.0, 5.0, 8)
     scene.focal_stack(lens, distances[[0, -1]], method=method)
-    before = uploaded_bytes()
+    before = device_traffic()["uploaded_bytes"]
     scene.focal_stack(lens, distances, method=method)
     # Tables alone: not even one of the picture's planes.
-    assert uploaded_bytes() - before < len(distances) * depth.nbytes
+    assert device_traffic()["uploaded_bytes"] - before < len(distances) * depth.nbytes

@@ -76,7 +76,9 @@ def test_times_of_all_pieces_are_told(gpu, paced):
     depth = np.linspace(1.0, 4.0, 300)[:, None] * np.ones((1, 300))
     scene = dofsim.Scene(np.ones((300, 300, 3)), depth, device=gpu)
     lens = dofsim.Lens(aperture_radius=0.05, focus_distance=2.0, fov=40.0)
+    of_new_scene = dict(scene.profile(lens))
     expected = dict(scene.profile(lens))
+    assert of_new_scene.keys() - expected.keys() == {"lens/cells", "lens/spans"}
     paced(1e-6)
     scene.render(lens)
     times = dict(scene.profile(lens))

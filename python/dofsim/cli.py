@@ -165,7 +165,7 @@ def render_command(
     kind: options.Kinds = None,
     dtype: options.SampleType = None,
     profile: Annotated[
-        bool, typer.Option("--profile", help="Print the time of each pass on the GPU.")
+        bool, typer.Option("--profile", help="Print the time of each pass on the GPU, and what goes there and back.")
     ] = False,
     quiet: options.Quiet = False,
     verbose: options.Verbose = False,
@@ -277,9 +277,22 @@ def render_command(
     report = Report.of(rgbd.depth, lens, **of_depth, **grid, max_coc_px=render_options.max_coc_px)
     _say_what_was_made(output, (result.shape[1], result.shape[0]), report, seconds)
     if profile:
-        passes = dofsim.Scene(color, rgbd.depth, **scene_words).profile(lens, **method_words)
-        for name, milliseconds in [*passes, ("all passes", sum(time for _, time in passes))]:
-            print(f"{name:<20} {milliseconds:10.3f} ms")
+        _print_profile(dofsim.Scene(color, rgbd.depth, **scene_words), lens, method_words)
+
+
+def _print_profile(scene: dofsim.Scene, lens: dofsim.Lens, method_words: dict[str, Any]) -> None:
+    """Print the time of each pass for a new scene, and what went to the device and back."""
+    from ._dofsim import device_traffic
+
+    before = device_traffic()
+    passes = scene.profile(lens, **method_words)
+    went = {name: count - before[name] for name, count in device_traffic().items()}
+    for name, milliseconds in [*passes, ("all passes", sum(time for _, time in passes))]:
+        print(f"{name:<20} {milliseconds:10.3f} ms")
+    for name, way in (("to the device", "uploaded"), ("back", "downloaded")):
+        print(f"{name:<20} {went[f'{way}_bytes'] / 2**20:10.3f} MiB")
+    for name in ("submissions", "readbacks"):
+        print(f"{name:<20} {went[name]:10d}")
 
 
 @app.command("coc", cls=Command, no_args_is_help=True)

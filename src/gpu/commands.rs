@@ -4,6 +4,7 @@ use super::device::{Gpu, lock};
 use super::idle;
 use super::pace::{Submission, Work};
 use super::shader::Shader;
+use super::traffic;
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::picture::Size;
@@ -326,6 +327,7 @@ impl<'a> Commands<'a> {
             _ => None,
         };
         let submission = gpu.submit(self.encoder, self.work, self.cancel)?;
+        traffic::count_readback(bytes + stamps.as_ref().map_or(0, wgpu::Buffer::size));
         self.taken.append(&mut self.spare);
         *lock(&gpu.spare) = self.taken;
         idle::watch(gpu);

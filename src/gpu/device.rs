@@ -5,11 +5,12 @@ use super::pace::{Measured, Pace, SUBMISSION, Submissions};
 use super::shader::Shader;
 #[cfg(feature = "test-shaders")]
 use super::shader::perturbed::perturbed;
+use super::traffic;
 use crate::error::{Error, Result};
 use bytemuck::Pod;
 use std::borrow::Cow;
 use std::collections::HashMap;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -89,14 +90,6 @@ pub fn restrict(restrictions: Restrictions) {
     if let Some(open) = lock(&OPEN).as_mut() {
         open.retain(|(of, _), _| *of != process);
     }
-}
-
-/// Number of bytes that were uploaded to devices so far.
-static UPLOADED: AtomicU64 = AtomicU64::new(0);
-
-/// Number of bytes that this process has uploaded to devices.
-pub fn uploaded_bytes() -> u64 {
-    UPLOADED.load(Ordering::Relaxed)
 }
 
 /// The devices of this process that are open.
@@ -359,7 +352,7 @@ impl Gpu {
     ) -> Result<()> {
         let (own, end) = (bytes.len(), bytes.len().next_multiple_of(4));
         let Some(size) = wgpu::BufferSize::new(end as u64) else { return Ok(()) };
-        UPLOADED.fetch_add(own as u64, Ordering::Relaxed);
+        traffic::count_upload(own);
         // Mapped at its creation, a buffer would be filled with zeros first. The bytes are there before the next
         // submission runs.
         let staged = self.queue.write_buffer_with(buffer, first as u64, size);

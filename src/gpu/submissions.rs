@@ -2,6 +2,7 @@
 
 use super::device::{Gpu, lock};
 use super::pace::{Running, Submission, Work};
+use super::traffic;
 use crate::cancel::Cancel;
 use crate::error::Result;
 use std::time::{Duration, Instant};
@@ -25,6 +26,7 @@ impl Gpu {
         let mut submissions = lock(&self.submissions);
         let index = self.queue.submit([recorded]);
         submissions.count += 1;
+        traffic::count_submission();
         let submission = Submission { number: submissions.count, index };
         let began = submissions.running.is_empty().then(Instant::now);
         submissions.running.push_back(Running { submission: submission.clone(), work, began });

@@ -6,6 +6,7 @@ use crate::gpu::visible::Visible;
 use crate::gpu::{self, Restrictions, adapters};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use std::time::Duration;
 
 /// The environment variable that determines the meaning of "auto" and "gpu".
@@ -214,13 +215,19 @@ pub fn device_submissions() -> (u64, f64) {
     (measured.submissions, measured.longest_s)
 }
 
-/// How much this process has taken to devices so far.
+/// What went from this process to devices and back so far.
 ///
 /// Returns
 /// -------
-/// int
-///     Bytes.
+/// dict of str to int
+///     ``uploaded_bytes``, ``downloaded_bytes``, ``readbacks`` (how often something came back) and ``submissions``.
 #[pyfunction]
-pub fn uploaded_bytes() -> u64 {
-    gpu::uploaded_bytes()
+pub fn device_traffic(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    let traffic = gpu::traffic();
+    let counts = PyDict::new(py);
+    counts.set_item("uploaded_bytes", traffic.uploaded_bytes)?;
+    counts.set_item("downloaded_bytes", traffic.downloaded_bytes)?;
+    counts.set_item("readbacks", traffic.readbacks)?;
+    counts.set_item("submissions", traffic.submissions)?;
+    Ok(counts)
 }

@@ -43,8 +43,8 @@ pub mod _dofsim {
     use super::coc::coc;
     #[pymodule_export]
     use super::devices::{
-        PyDevice, chosen_device, device_bytes, device_submissions, devices, lacking_for_gpu, release_devices,
-        restrict_devices, uploaded_bytes,
+        PyDevice, chosen_device, device_bytes, device_submissions, device_traffic, devices, lacking_for_gpu,
+        release_devices, restrict_devices,
     };
     #[pymodule_export]
     use super::errors::DeviceError;
