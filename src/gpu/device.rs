@@ -8,6 +8,7 @@ use super::shader::perturbed::perturbed;
 use super::traffic;
 use crate::error::{Error, Result};
 use bytemuck::Pod;
+use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::sync::atomic::AtomicBool;
@@ -126,6 +127,18 @@ pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 fn mebibytes(bytes: u64) -> u64 {
     bytes.div_ceil(1 << 20)
+}
+
+/// Number of bytes that one worker copies at a time.
+const COPIED: usize = 1 << 20;
+
+/// Copies bytes to as many others.
+fn copy(bytes: &[u8], to: wgpu::WriteOnly<[u8]>) {
+    let (parts, rest) = bytes.as_chunks::<COPIED>();
+    let (to_parts, mut to_rest) = to.into_chunks::<COPIED>();
+    let pairs: Vec<_> = parts.iter().zip(to_parts).collect();
+    pairs.into_par_iter().for_each(|(part, to)| wgpu::WriteOnly::<[u8]>::from(to).copy_from_slice(part));
+    to_rest.copy_from_slice(rest);
 }
 
 #[cfg(not(feature = "test-shaders"))]
@@ -357,7 +370,7 @@ impl Gpu {
         // submission runs.
         let staged = self.queue.write_buffer_with(buffer, first as u64, size);
         let mut staged = staged.ok_or_else(|| self.error(format_args!("{what} cannot be uploaded")))?;
-        staged.slice(..own).copy_from_slice(bytes);
+        copy(bytes, staged.slice(..own));
         staged.slice(own..end).fill(0);
         Ok(())
     }

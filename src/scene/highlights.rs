@@ -235,17 +235,19 @@ pub fn find(size: Size, layers: &[SceneLayer], front: usize, simd: Simd) -> Foun
             Some(own) => std::array::from_fn(|c| greater(own.limit[b][c], front.limit[b][c])),
             None => front.limit[b],
         };
-        let stands_out = |&index: &usize| {
-            above(&layer.colors.at(index), &limit(front.block_of(index)), lights) != [0.0; 4]
-        };
+        let stands_out =
+            |index: usize, color: &[f32; 4]| above(color, &limit(front.block_of(index)), lights) != [0.0; 4];
         let found: Vec<usize> = if layer.colors.is_list() {
-            let cells = layer.colors.listed(0..size.pixels()).par_iter().map(|cell| cell.index);
-            cells.filter(stands_out).collect()
+            let cells = layer.colors.listed(0..size.pixels()).par_iter();
+            cells.filter(|cell| stands_out(cell.index, &cell.color)).map(|cell| cell.index).collect()
         } else {
             let brightest = &own.as_ref().unwrap_or(&front).brightest;
             let blocks = (0..brightest.len()).into_par_iter();
             let blocks = blocks.filter(|&b| above(&brightest[b], &limit(b), lights) != [0.0; 4]);
-            blocks.flat_map_iter(|b| front.cells(b)).filter(stands_out).collect()
+            blocks
+                .flat_map_iter(|b| front.cells(b))
+                .filter(|&index| stands_out(index, &layer.colors.at(index)))
+                .collect()
         };
         // How many times as bright as the limit each is.
         let times = |index: usize| {

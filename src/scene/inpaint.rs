@@ -480,7 +480,9 @@ pub fn hidden<C: Cargo>(
     };
     let numbers = (0..search.farthest.len()).into_par_iter().with_max_len(ITEMS_PER_TASK);
     let filled = numbers.map(fill_block).collect::<Result<Vec<_>>>()?;
-    Ok(filled.into_iter().flatten().collect())
+    let mut all = Vec::with_capacity(filled.iter().map(Vec::len).sum());
+    filled.into_iter().for_each(|of_block| all.extend(of_block));
+    Ok(all)
 }
 
 #[cfg(test)]
