@@ -168,3 +168,16 @@ def test_negative_depth_is_named_before_the_focus(scene, capsys):
     message = fails(capsys, 2, "render", "a.png", "d.npy", "-o", "o.exr", *words)
     assert "values are negative" in message
     assert "--depth-scale -1" in message
+
+
+def test_a_profile_tells_passes_and_what_goes_to_the_device_and_back(scene, gpu, capsys):
+    color, _ = scene
+    words = ["--device", gpu, "--set", "views=16", "--profile"]
+    assert run(["render", "a.exr", "-o", "o.exr", *LENS_OPTIONS, *words]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    table = dict(line.rsplit(maxsplit=2)[:2] for line in lines if line.endswith((" ms", " MiB")))
+    assert float(table["lens/cells"]) <= float(table["all passes"])
+    height, width = color.shape[:2]
+    assert 16 * height * width <= float(table["to the device"]) * 2**20 <= 16 * height * width + 2**20
+    assert float(table["back"]) > 0.0
+    assert lines[-1].split() == ["readbacks", "1"]

@@ -165,7 +165,10 @@ def render_command(
     kind: options.Kinds = None,
     dtype: options.SampleType = None,
     profile: Annotated[
-        bool, typer.Option("--profile", help="Print the time of each pass on the GPU, and what goes there and back.")
+        bool,
+        typer.Option(
+            "--profile", help="Print the time of each pass on the GPU, and what goes there and back."
+        ),
     ] = False,
     quiet: options.Quiet = False,
     verbose: options.Verbose = False,
@@ -287,7 +290,7 @@ def _print_profile(scene: dofsim.Scene, lens: dofsim.Lens, method_words: dict[st
     before = device_traffic()
     passes = scene.profile(lens, **method_words)
     went = {name: count - before[name] for name, count in device_traffic().items()}
-    for name, milliseconds in [*passes, ("all passes", sum(time for _, time in passes))]:
+    for name, milliseconds in [*passes, ("all passes", sum(own for _, own in passes))]:
         print(f"{name:<20} {milliseconds:10.3f} ms")
     for name, way in (("to the device", "uploaded"), ("back", "downloaded")):
         print(f"{name:<20} {went[f'{way}_bytes'] / 2**20:10.3f} MiB")

@@ -1,13 +1,13 @@
-"""What a device leaves to the host: its processor time for a new frame, by step, and the bytes that go there and back.
+"""What a device leaves to the host: processor time for a new frame, and the bytes that go there and back.
 
-Run this file on Linux. A software rasteriser does as a device, because the time of its threads is left out: they are those
-that come up when it is opened. Shaders are compiled before. With `--steps`, `perf` samples the threads of the host, and
-samples are counted by the module of dofsim in which they are.
+Run this file on Linux. A software rasteriser does as a device, because the time of its threads is left out:
+they are those that come up when it is opened. Shaders are compiled before. With `--steps`, `perf` samples the
+threads of the host, and samples are counted by the module of dofsim in which they are. What is waited for is
+in `gpu::submissions`, and depends on how slow the device is.
 """
 
 import argparse
 import collections
-import os
 import re
 import statistics
 import subprocess
@@ -28,7 +28,7 @@ OPTIONS = {"views": 16}
 
 def threads():
     """List the threads of this process."""
-    return set(os.listdir("/proc/self/task"))
+    return {task.name for task in Path("/proc/self/task").iterdir()}
 
 
 def threads_of(device, color, depth):
@@ -49,10 +49,10 @@ def host_ms(of_device):
     return 1e3 * time.process_time() - spent
 
 
-def measured(work, of_device):
-    """Give the host's time for a call, and what it takes to the device and back."""
+def measured(scene, lens, of_device):
+    """Render a scene; give the host's time for it, and what it takes to the device and back."""
     before, began = device_traffic(), host_ms(of_device)
-    work()
+    scene.render(lens, **OPTIONS)
     spent = host_ms(of_device) - began
     return spent, {name: count - before[name] for name, count in device_traffic().items()}
 
@@ -61,19 +61,18 @@ def totals(arguments, color, depth, lens):
     """Print the time and the traffic of a new frame, and of a prepared scene at another focus."""
     of_device = threads_of(arguments.device, color, depth)
     nearer = lens.replace(focus_distance=0.98 * lens.focus_distance)
-    times = {"a new frame": [], "another focus": []}
+    new, prepared = [], []
     for _ in range(arguments.runs):
         scene = dofsim.Scene(color, depth, device=arguments.device)
-        for (name, found), through in zip(times.items(), (lens, nearer), strict=True):
-            found.append(measured(lambda through=through: scene.render(through, **OPTIONS), of_device))
-    for name, found in times.items():
+        new.append(measured(scene, lens, of_device))
+        prepared.append(measured(scene, nearer, of_device))
+    for name, found in (("a new frame", new), ("another focus", prepared)):
         went = found[0][1]
         up, down = went["uploaded_bytes"], went["downloaded_bytes"]
-        print(
-            f"{name}: {statistics.median(ms for ms, _ in found):.0f} ms of the host's processors; "
-            f"{up / MEBIBYTE:.1f} MiB to the device ({up / depth.size:.1f} bytes a pixel), "
-            f"{down / MEBIBYTE:.1f} MiB back in {went['readbacks']} readbacks; {went['submissions']} submissions"
-        )
+        print(f"{name}: {statistics.median(ms for ms, _ in found):.0f} ms of the host's processors;")
+        print(f"  {up / MEBIBYTE:.1f} MiB to the device, {up / depth.size:.1f} bytes a pixel;")
+        print(f"  {down / MEBIBYTE:.1f} MiB back, readbacks: {went['readbacks']};")
+        print(f"  submissions: {went['submissions']}")
 
 
 def frames(arguments, color, depth, lens):

@@ -17,6 +17,7 @@ use std::sync::Arc;
 
 const WIDTH: usize = 101;
 const HEIGHT: usize = 150;
+const WHOLE: Range<usize> = 0..HEIGHT;
 
 /// A value from 0 to 1 for every number: the fraction of its multiple of the golden ratio.
 fn hashed(i: usize) -> f32 {
@@ -123,7 +124,7 @@ fn assert_cells(picture: Picture, bands: &[Range<usize>]) {
 fn cells_of_one_layer_are_those_of_the_scene() {
     on_adapter(|| {
         for (channels, noise) in [(1, 0.0), (2, 0.0), (3, 0.0), (3, 0.02), (4, 0.0)] {
-            assert_cells(of_one_layer(channels, noise), &[0..HEIGHT]);
+            assert_cells(of_one_layer(channels, noise), &[WHOLE]);
         }
     });
 }
@@ -131,9 +132,9 @@ fn cells_of_one_layer_are_those_of_the_scene() {
 #[test]
 fn cells_of_several_layers_and_of_holdouts_are_those_of_the_scene() {
     on_adapter(|| {
-        assert_cells(of_two_layers(), &[0..HEIGHT]);
-        assert_cells(with_holdouts(of_one_layer(3, 0.0)), &[0..HEIGHT]);
-        assert_cells(with_holdouts(of_two_layers()), &[0..HEIGHT]);
+        assert_cells(of_two_layers(), &[WHOLE]);
+        assert_cells(with_holdouts(of_one_layer(3, 0.0)), &[WHOLE]);
+        assert_cells(with_holdouts(of_two_layers()), &[WHOLE]);
     });
 }
 
