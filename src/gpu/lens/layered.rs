@@ -104,12 +104,13 @@ impl Cells {
         let half_planes: Vec<[f32; 4]> = half_planes(&scene.layers, &range);
         let number_bytes = size_of::<u32>() * n * layers;
         let held = scene.held.as_ref().map(|held| {
-            let planes: Vec<f32> = held
-                .own
-                .chunks(scene.size.pixels())
-                .flat_map(|plane| plane[range.clone()].iter().copied())
-                .collect();
-            gpu.upload("the picture behind holdouts", &planes)
+            const WHAT: &str = "the picture behind holdouts";
+            let plane_bytes = size_of::<f32>() * n;
+            let planes = buffer(WHAT, plane_bytes * size.channels)?;
+            for (c, plane) in held.own.chunks(scene.size.pixels()).enumerate() {
+                gpu.write(WHAT, &planes, plane_bytes * c, bytemuck::cast_slice(&plane[range.clone()]))?;
+            }
+            Ok(planes)
         });
         let cells = Cells {
             size,
