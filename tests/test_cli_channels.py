@@ -198,7 +198,7 @@ def test_files_that_have_no_channels_are_refused(passes, capsys):
     io.write_image("a.png", np.ones((*SIZE, 3)))
     io.write_depth("z.pfm", np.full(SIZE, 2.0))
     line = fails(capsys, 2, "render", "a.png", "z.pfm", "-o", "o.exr", *LENS_OPTIONS, "--channels", "*")
-    assert "--channels takes an OpenEXR file and writes one" in line
+    assert "--channels takes an OpenEXR or NPZ file and writes an OpenEXR file" in line
     io.write_exr("u.exr", {**{name: np.ones(SIZE) for name in "RGBZ"}, "id": np.ones(SIZE, np.uint32)})
     line = fails(capsys, 2, "render", "u.exr", "-o", "o.exr", *LENS_OPTIONS, "--channels", "*")
     assert "id holds whole numbers, of which there is no mean; leave it out with --kind id=none" in line

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tokenize import TokenError
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,25 @@ def npz_names(path: StrPath) -> list[str]:
     """List the names of the arrays in an NPZ file."""
     with open_regular(path) as file, _damage(path), zipfile.ZipFile(file) as archive:
         return [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
+
+
+class Header(NamedTuple):
+    """What the header of an array says."""
+
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+
+
+def npz_headers(path: StrPath) -> dict[str, Header]:
+    """Read the headers of all arrays of an NPZ file, by their names."""
+    headers = {}
+    with open_regular(path) as whole, _damage(path), zipfile.ZipFile(whole) as archive:
+        for member in archive.namelist():
+            if member.endswith(".npy"):
+                with archive.open(member) as file:
+                    shape, _, dtype = _read_header(cast("BinaryIO", file))
+                headers[member.removesuffix(".npy")] = Header(shape, dtype)
+    return headers
 
 
 def read_npz(path: StrPath, name: str | None, expected: Sequence[str]) -> NDArray[Any]:

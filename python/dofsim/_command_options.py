@@ -326,8 +326,8 @@ Channels = Annotated[
     typer.Option(
         "--channels",
         metavar="PATTERN",
-        help='Render these channels or layers of an OpenEXR file, "*" for all, by the picture: each comes '
-        "back in its part, under its name and in its type. May be repeated.",
+        help='Render these channels or layers of an OpenEXR or NPZ file, "*" for all, by the picture: each '
+        "comes back in its part, under its name and in its type. May be repeated.",
         rich_help_panel=_PICTURE,
     ),
 ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -13,6 +14,10 @@ from ._dofsim import layers_of_samples, read_deep_exr
 from ._files import StrPath
 
 Window = tuple[int, int, int, int]
+
+# The most layers of a file, if nothing else is said.
+MAX_LAYERS = 4
+Held = Literal["light", "data"]
 
 # What of a file becomes layers.
 _CHANNELS = ["R", "G", "B", "Y", "A", "Z", "ZBack"]
@@ -77,11 +82,50 @@ def read_deep(
     """
     if max_layers < 1:
         raise ValueError(f"max_layers must be positive; got {max_layers}")
-    if (found := read_deep_exr(path, _CHANNELS)) is None:
+    counts, channels, window = _read_samples(path, _CHANNELS)
+    return flatten(counts, channels, max_layers, window=None if data else window)
+
+
+def read_deep_channels(
+    path: StrPath, means: Sequence[tuple[str, Held]], ids: Sequence[Sequence[str]]
+) -> dict[str, NDArray[np.float32]]:
+    """Read further channels of the deep part of a file as layers: those that `read_deep` gives by default.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file.
+    means : sequence of tuple of str and str
+        Names of channels. Where samples are merged, ``"light"`` of one goes over that of the other;
+        ``"data"`` are averaged, weighted by what is seen of each sample. What is not finite has no weight.
+    ids : sequence of sequence of str
+        Sets of channels of ids and their coverage in turn. Of samples that are merged the ids that cover most
+        are kept, and cover as much as all of the layer.
+
+    Returns
+    -------
+    dict of str to ndarray of float32
+        Planes of shape (L, H, W), 0 where there is no sample; and Z, the depth of the layers.
+    """
+    names = [*(name for name, _ in means), *(name for one in ids for name in one)]
+    counts, channels, window = _read_samples(path, [*_CHANNELS, *names])
+    _, depth, averaged, sets = layers_of_samples(
+        counts, channels, MAX_LAYERS, window=window, means=means, ids=ids
+    )
+    planes = {"Z": depth} | {name: averaged[..., i] for i, (name, _) in enumerate(means)}
+    for one, ranks in zip(ids, sets, strict=True):
+        planes |= {name: ranks[..., i] for i, name in enumerate(one)}
+    return planes
+
+
+def _read_samples(
+    path: StrPath, names: list[str]
+) -> tuple[NDArray[np.uint32], dict[str, NDArray[np.float32]], Window]:
+    """Read the numbers of samples, the samples of channels, and the window that is to be seen."""
+    if (found := read_deep_exr(path, names)) is None:
         raise ValueError(f"{path}: no deep part has a channel Z")
     counts, channels, (left, top, *_), (first, above, width, height) = found
-    window = None if data else (first - left, above - top, width, height)
-    return flatten(counts, channels, max_layers, window=window)
+    return counts, channels, (first - left, above - top, width, height)
 
 
 def flatten(
@@ -113,4 +157,5 @@ def flatten(
         Colour and depth.
     """
     window = window or (0, 0, counts.shape[1], counts.shape[0])
-    return layers_of_samples(counts, channels, max_layers, window=window)
+    color, depth, *_ = layers_of_samples(counts, channels, max_layers, window=window)
+    return color, depth

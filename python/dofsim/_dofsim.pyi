@@ -23,6 +23,7 @@ __all__ = [
     "coc",
     "decode_by_curves",
     "decode_codes",
+    "deep_exr_part",
     "device_bytes",
     "device_submissions",
     "device_traffic",
@@ -36,9 +37,9 @@ __all__ = [
     "lacking_for_gpu",
     "layers_from_matte",
     "layers_from_views",
+    "layers_of_samples",
     "methods_available",
     "parse_profile",
-    "layers_of_samples",
     "read_deep_exr",
     "read_exr",
     "read_raster",
@@ -1095,7 +1096,12 @@ def layers_of_samples(
     max_layers: int,
     *,
     window: _Window,
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
+    means: Sequence[tuple[str, Literal["light", "data"]]] = ...,
+    ids: Sequence[Sequence[str]] = ...,
+) -> tuple[
+    NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], list[NDArray[np.float32]]
+]: ...
+def deep_exr_part(path: _Path) -> tuple[int, ExrPart] | None: ...
 def read_deep_exr(
     path: _Path, channels: list[str]
 ) -> tuple[NDArray[np.uint32], dict[str, NDArray[np.float32]], _Window, _Window] | None: ...

@@ -1,4 +1,4 @@
-"""The passes of an OpenEXR file through one lens: ``dofsim render --channels``."""
+"""The passes of a file through one lens: ``dofsim render --channels``."""
 
 from __future__ import annotations
 
@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 
 import dofsim
 
-from . import _deep, _dofsim
+from . import _dofsim
 from ._channel_kinds import KINDS, Kind, id_sets, kinds_of, matches
+from ._channel_sources import Source
 from ._channels import Channel
-from ._exr import ExrFile
-from ._frame import framed_values
 from ._ids import render_ids
 from ._names import listed
 
@@ -28,26 +27,26 @@ _IN_CHANNEL = re.compile(r"color must be finite where .*; got (\S+) in channel (
 
 @dataclass(frozen=True)
 class Passes:
-    """Channels of an OpenEXR file that are rendered, and what they hold.
+    """Channels of a file that are rendered, and what they hold.
 
     Attributes
     ----------
-    file : ExrFile
+    source : Source
         The file.
     kinds : dict of str to str
         The kinds of the channels by their full names.
     """
 
-    file: ExrFile
+    source: Source
     kinds: dict[str, Kind]
 
     @classmethod
-    def choose(cls, path: Path, patterns: Sequence[str], given: Sequence[str]) -> Passes:
+    def choose(cls, source: Source, patterns: Sequence[str], given: Sequence[str]) -> Passes:
         """Choose channels of a file, and tell what they hold.
 
         Parameters
         ----------
-        path : Path
+        source : Source
             The file.
         patterns : sequence of str
             Patterns of full names or of layers, of which a channel must fit one.
@@ -64,24 +63,22 @@ class Passes:
         ValueError
             If the file has no such channels, or holds what has no mean.
         """
-        if _deep.exr_kind(path) != "flat":
-            raise ValueError(f"{path}: --channels is for flat OpenEXR files")
-        file = ExrFile.of(path)
-        kinds = kinds_of(file.channels, [_read_kind(text) for text in given])
+        path, channels = source.path, source.channels
+        kinds = kinds_of(channels, [_read_kind(text) for text in given])
         for pattern in patterns:
-            if not any(matches(channel, pattern) for channel in file.channels):
+            if not any(matches(channel, pattern) for channel in channels):
                 raise ValueError(
                     f"{path}: no channel or layer is called {pattern!r}; channels: "
-                    f"{listed(channel.full for channel in file.channels)}"
+                    f"{listed(channel.full for channel in channels)}"
                 )
         chosen = {
             channel.full: kinds[channel.full]
-            for channel in file.channels
+            for channel in channels
             if kinds[channel.full] != "none" and any(matches(channel, pattern) for pattern in patterns)
         }
-        passes = cls(file, chosen)
+        passes = cls(source, chosen)
         for channel in passes.channels:
-            if passes._type_of(channel) == "uint":
+            if source.type_of(channel) == "uint":
                 raise ValueError(
                     f"{path}: {channel.full} holds whole numbers, of which there is no mean; leave it out "
                     f"with --kind {channel.full}=none"
@@ -94,7 +91,7 @@ class Passes:
     @property
     def channels(self) -> list[Channel]:
         """The channels that are rendered."""
-        return [channel for channel in self.file.channels if channel.full in self.kinds]
+        return [channel for channel in self.source.channels if channel.full in self.kinds]
 
     def describe(self) -> str:
         """Say what the channels are taken for, in one line."""
@@ -123,12 +120,15 @@ class Passes:
         ValueError
             If a channel cannot be rendered.
         """
-        planes = self._read(guide.shape[:2])
         out: dict[str, NDArray[np.float32]] = {}
         known = [(channel, self.kinds[channel.full]) for channel in self.channels]
         # What holds ids is no mean, and what is left out is not there.
         kinds = [kind for _, kind in known if kind != "id" and kind != "none"]
         averaged = [channel for channel, kind in known if kind != "id"]
+        sets = id_sets(self._of("id"))
+        if sets and words.get("supersample", 1) != 1:
+            raise ValueError("supersample must be 1 for ids, of which there is no mean")
+        planes = self.source.read(list(zip(averaged, kinds, strict=True)), sets, depth.shape)
         if averaged:
             stacked = np.stack([planes[channel.full] for channel in averaged], axis=-1)
             try:
@@ -137,9 +137,7 @@ class Passes:
                 raise self._named(error, averaged) from None
             out |= {channel.full: rendered[..., i] for i, channel in enumerate(averaged)}
         of_ids = signature(render_ids).parameters
-        for members in id_sets(self._of("id")):
-            if words.get("supersample", 1) != 1:
-                raise ValueError("supersample must be 1 for ids, of which there is no mean")
+        for members in sets:
             own = {name: word for name, word in words.items() if name in of_ids}
             stacked = np.stack([planes[channel.full] for channel in members], axis=-1)
             rendered = render_ids(stacked, depth, lens, guide=guide, **own)
@@ -154,35 +152,14 @@ class Passes:
         parts = []
         for number in numbers:
             own = [channel for channel in self.channels if channel.part == number]
-            named = [(c.name, _in_type(planes[c.full], self._type_of(c))) for c in own]
-            parts.append((self.file.parts[number].name, named))
+            named = [(c.name, _in_type(planes[c.full], self.source.type_of(c))) for c in own]
+            parts.append((self.source.part_name(number), named))
         _dofsim.write_exr(
-            output, parts, compression="zip", attributes_of=self.file.path, corner=corner, like=numbers
+            output, parts, compression="zip", attributes_of=self.source.like, corner=corner, like=numbers
         )
 
     def _of(self, kind: Kind) -> list[Channel]:
         return [channel for channel in self.channels if self.kinds[channel.full] == kind]
-
-    def _type_of(self, channel: Channel) -> str:
-        part = self.file.parts[channel.part]
-        return part.sample_types[part.channels.index(channel.name)]
-
-    def _read(self, size: tuple[int, ...]) -> dict[str, NDArray[np.float32]]:
-        """Read all channels, laid out as the picture is."""
-        planes: dict[str, NDArray[np.float32]] = {}
-        for number in sorted({channel.part for channel in self.channels}):
-            own = [channel for channel in self.channels if channel.part == number]
-            stored = self.file.read(own, data=True, fill=0.0)
-            stored = stored[..., None] if len(own) == 1 else stored
-            margin = (size[1] - self.file.parts[number].display_window[2]) // 2
-            laid_out = framed_values(stored, self.file.beyond(number), margin)
-            if laid_out.shape[:2] != size:
-                raise ValueError(
-                    f"{self.file.path}: {own[0].full} has {laid_out.shape[0]} x {laid_out.shape[1]} pixels, "
-                    f"and the picture {size[0]} x {size[1]}; all parts must be of one size"
-                )
-            planes |= {channel.full: laid_out[..., i] for i, channel in enumerate(own)}
-        return planes
 
     def _named(self, error: ValueError, channels: list[Channel]) -> ValueError:
         """Name the channel that an error is about."""
@@ -190,7 +167,7 @@ class Passes:
             return error
         name = channels[int(found[2])].full
         return ValueError(
-            f"{self.file.path}: {name} has {found[1]} at {found[3]}; say what it is, as with --kind "
+            f"{self.source.path}: {name} has {found[1]} at {found[3]}; say what it is, as with --kind "
             f"{name}=data, or leave it out with --kind {name}=none"
         )
 

@@ -479,16 +479,19 @@ def _say_what_was_made(output: Path, size: tuple[int, int], report: Report, seco
 
 def _passes_of(image: Path, channels: list[str], kinds: list[str], output: Path, dtype: str | None) -> Passes:
     """Choose the channels of a file, and say what they are taken for."""
-    from . import _dofsim
+    from ._channel_sources import source_of
     from ._passes import Passes
 
-    if _dofsim.file_kind(image) == "exr" and output.suffix.lower() == ".exr":
-        if dtype is not None:
-            raise ValueError("--dtype: --channels gives every channel the type that it has")
-        passes = Passes.choose(image, channels, kinds)
-        log.info("%s: %s", image, passes.describe())
-        return passes
-    raise ValueError(f"--channels takes an OpenEXR file and writes one; got {image} and {output}")
+    source = source_of(image)
+    if source is None or output.suffix.lower() != ".exr":
+        raise ValueError(
+            f"--channels takes an OpenEXR or NPZ file and writes an OpenEXR file; got {image} and {output}"
+        )
+    if dtype is not None:
+        raise ValueError("--dtype: --channels gives every channel the type that it has")
+    passes = Passes.choose(source, channels, kinds)
+    log.info("%s: %s", image, passes.describe())
+    return passes
 
 
 def _say_channels(image: Path, depth: Path, color: tuple[str, ...], plane: str | None) -> None:

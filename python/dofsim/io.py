@@ -74,6 +74,9 @@ Coding = Literal["linear", "srgb", "profile"]
 
 # Suffixes that files of the kinds read here have; they are recognised by their contents all the same.
 READABLE_SUFFIXES = (*SUFFIXES, ".jpg", ".jpeg", ".webp", ".bmp", ".hdr", ".dpt", ".h5", ".hdf5")
+# Names that the arrays of a picture and of its depth have in an NPZ file.
+COLOR_ARRAYS = ("color", "rgba", "rgb")
+DEPTH_ARRAYS = ("depth", "z")
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,7 +242,7 @@ def read_color(
         channels = file.color_channels(layer)
         return _exr_image(path, file.read(channels, data=window == "data", fill=0.0), channels, transfer)
     if kind == "npz":
-        pixels = _arrays.read_npz(path, layer, ("color", "rgba", "rgb"))
+        pixels = _arrays.read_npz(path, layer, COLOR_ARRAYS)
     elif kind == "npy":
         pixels = _arrays.read_npy(path)
     elif kind == "hdf5":
@@ -350,7 +353,7 @@ def read_rgbd(
     depth_background: float | None = None,
     transfer: Transfer | None = None,
     window: Window = "display",
-    max_layers: int = 4,
+    max_layers: int = _deep.MAX_LAYERS,
     same_size: bool = True,
 ) -> RGBD:
     """Return a picture and its depth, read from one file or two.
@@ -463,7 +466,7 @@ def read_named_depth(
         name = chosen[0].full
         depth = file.read(chosen, data=window == "data", fill=math.inf)
     elif kind == "npz":
-        depth = _arrays.read_npz(path, channel, ("depth", "z"))
+        depth = _arrays.read_npz(path, channel, DEPTH_ARRAYS)
     elif kind == "npy":
         depth = _arrays.read_npy(path)
     elif kind == "hdf5":

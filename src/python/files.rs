@@ -1,19 +1,14 @@
 //! Bindings of [`crate::files`], only for `dofsim.io`: paths and contiguous arrays in, arrays out.
 
-use super::run::{detached, installed};
+use super::run::installed;
 use super::samples::viewable;
 use crate::color::{Sample, Transfer};
-use crate::deep::{DeepLayers, DeepSamples};
 use crate::files::{self, Alpha, FileError, Pixels, Problem, Samples, Shape, openexr};
 use half::f16;
-use numpy::{
-    Element, PyArray1, PyArray2, PyArray3, PyArray4, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
-    PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods,
-};
+use numpy::{Element, PyArray1, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyOSError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
-use std::collections::HashMap;
+use pyo3::types::PyBytes;
 use std::path::PathBuf;
 
 /// Errors of the system become `OSError` with their number, so that Python picks the subclass. All other errors are
@@ -188,19 +183,29 @@ pub fn read_raster(
 /// The parts of an OpenEXR file.
 #[pyfunction]
 pub fn exr_parts(py: Python<'_>, path: PathBuf) -> PyResult<Vec<ExrPart>> {
-    let window = |w: openexr::Window| (w.x, w.y, w.width, w.height);
     let parts = py.detach(|| openexr::parts(&path))?;
-    Ok(parts
-        .into_iter()
-        .map(|part| ExrPart {
+    Ok(parts.into_iter().map(ExrPart::from).collect())
+}
+
+/// The first deep part of an OpenEXR file that has a channel Z, with its number, if there is one.
+#[pyfunction]
+pub fn deep_exr_part(py: Python<'_>, path: PathBuf) -> PyResult<Option<(usize, ExrPart)>> {
+    let part = py.detach(|| openexr::deep_part(&path, "Z"))?;
+    Ok(part.map(|(number, part)| (number, part.into())))
+}
+
+impl From<openexr::Part> for ExrPart {
+    fn from(part: openexr::Part) -> Self {
+        let window = |w: openexr::Window| (w.x, w.y, w.width, w.height);
+        Self {
             name: part.name,
             channels: part.channels,
             sample_types: part.sample_types,
             data_window: window(part.data_window),
             display_window: window(part.display_window),
             pixel_aspect: part.pixel_aspect,
-        })
-        .collect())
+        }
+    }
 }
 
 /// Channels of one part of an OpenEXR file as float32; `data` for the data window, else the display window
@@ -218,77 +223,6 @@ pub fn read_exr(
     let view = if data { openexr::View::Data } else { openexr::View::Display };
     let raster = py.detach(|| openexr::read(&path, part, &channels, view, fill))?;
     Pixmap::new(py, raster)
-}
-
-/// Colour and depth of layers.
-type DeepRgbd<'py> = (Bound<'py, PyArray4<f32>>, Bound<'py, PyArray3<f32>>);
-
-/// Layers of the samples of deep pixels: the number of samples of each pixel, and those of channels, all pixels one after
-/// another; at most so many layers of a window of the frame. Gives colour, shape (L, H, W, 4), and depth, shape (L, H, W).
-#[pyfunction]
-#[pyo3(signature = (counts, channels, max_layers, *, window))]
-pub fn layers_of_samples<'py>(
-    py: Python<'py>,
-    counts: PyReadonlyArray2<'py, u32>,
-    channels: HashMap<String, PyReadonlyArray1<'py, f32>>,
-    max_layers: usize,
-    window: (i64, i64, i64, i64),
-) -> PyResult<DeepRgbd<'py>> {
-    let width = counts.shape()[1];
-    let counts = counts.as_slice()?;
-    let all: usize = counts.iter().map(|count| *count as usize).sum();
-    let mut planes = HashMap::new();
-    for (name, samples) in &channels {
-        let samples = samples.as_slice()?;
-        if samples.len() != all {
-            let found = samples.len();
-            return Err(PyValueError::new_err(format!(
-                "channel {name} has {found} samples; counts have {all}"
-            )));
-        }
-        planes.insert(name.as_str(), samples);
-    }
-    let plane = |name: &str| planes.get(name).copied();
-    let Some(z) = plane("Z") else { return Err(PyValueError::new_err("channels must have Z")) };
-    let color = match (plane("R"), plane("Y")) {
-        (None, Some(grey)) => [Some(grey); 3],
-        _ => ["R", "G", "B"].map(plane),
-    };
-    let (alpha, back) = (plane("A"), plane("ZBack"));
-    let samples = DeepSamples { width, counts, color, alpha, z, back };
-    let (x, y, across, down) = window;
-    let DeepLayers { layers, color, depth } =
-        detached(py, None, |cancel| samples.layers(x..x + across, y..y + down, max_layers, cancel))?;
-    let [down, across] = [down as usize, across as usize];
-    Ok((
-        PyArray1::from_vec(py, color).reshape([layers, down, across, 4])?,
-        PyArray1::from_vec(py, depth).reshape([layers, down, across])?,
-    ))
-}
-
-/// A window as (x, y, width, height).
-type WindowWords = (i32, i32, usize, usize);
-
-/// Numbers of samples, samples by channel, the data window and the display window.
-type DeepWords<'py> = (Bound<'py, PyArray2<u32>>, Bound<'py, PyDict>, WindowWords, WindowWords);
-
-/// The first deep part of an OpenEXR file that has a channel Z, if there is one: the number of samples of each pixel, the
-/// samples of those of some channels that it has, all pixels one after another, its data window and its display window.
-#[pyfunction]
-pub fn read_deep_exr<'py>(
-    py: Python<'py>,
-    path: PathBuf,
-    channels: Vec<String>,
-) -> PyResult<Option<DeepWords<'py>>> {
-    let window = |w: openexr::Window| (w.x, w.y, w.width, w.height);
-    let Some(deep) = py.detach(|| openexr::read_deep(&path, "Z", &channels))? else { return Ok(None) };
-    let openexr::Deep { counts, channels, data_window, display_window } = deep;
-    let counts = PyArray1::from_vec(py, counts).reshape([data_window.height, data_window.width])?;
-    let samples = PyDict::new(py);
-    for (name, values) in channels {
-        samples.set_item(name, PyArray1::from_vec(py, values))?;
-    }
-    Ok(Some((counts, samples, window(data_window), window(display_window))))
 }
 
 type NamedChannels<'py> = Vec<(String, Contiguous<'py>)>;

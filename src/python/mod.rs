@@ -6,6 +6,7 @@ mod blur;
 mod carried;
 mod coc;
 mod color;
+mod deep;
 mod depth;
 mod devices;
 mod errors;
@@ -42,6 +43,8 @@ pub mod _dofsim {
     #[pymodule_export]
     use super::coc::coc;
     #[pymodule_export]
+    use super::deep::{layers_of_samples, read_deep_exr};
+    #[pymodule_export]
     use super::devices::{
         PyDevice, chosen_device, device_bytes, device_submissions, device_traffic, devices, lacking_for_gpu,
         release_devices, restrict_devices,
@@ -50,9 +53,9 @@ pub mod _dofsim {
     use super::errors::DeviceError;
     #[pymodule_export]
     use super::files::{
-        Beside, ExrPart, decode_by_curves, decode_codes, encode_by_curves, encode_codes, encode_png,
-        exr_parts, file_kind, layers_of_samples, parse_profile, read_deep_exr, read_exr, read_raster,
-        write_bytes, write_exr, write_pfm, write_png, write_tiff,
+        Beside, ExrPart, decode_by_curves, decode_codes, deep_exr_part, encode_by_curves, encode_codes,
+        encode_png, exr_parts, file_kind, parse_profile, read_exr, read_raster, write_bytes, write_exr,
+        write_pfm, write_png, write_tiff,
     };
     #[pymodule_export]
     use super::gradients::PyGradients;

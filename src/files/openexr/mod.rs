@@ -13,5 +13,5 @@ mod unpack;
 mod write;
 
 pub use deep::{Deep, read_deep};
-pub use read::{Attributes, Part, View, Window, attributes, parts, read};
+pub use read::{Attributes, Part, View, Window, attributes, deep_part, parts, read};
 pub use write::{Channel, Layer, Values, compression, write};

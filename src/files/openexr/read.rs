@@ -8,6 +8,7 @@ use ::exr::block::UncompressedBlock;
 use ::exr::block::chunk::{Chunk, CompressedBlock};
 use ::exr::compression::Compression;
 use ::exr::math::Vec2;
+use ::exr::meta::MetaData;
 use ::exr::meta::attribute::{IntegerBounds, SampleType, Text};
 use ::exr::meta::header::{Header, ImageAttributes, LayerAttributes};
 use half::f16;
@@ -85,24 +86,32 @@ fn pixel_aspect(claimed: f32) -> f32 {
 pub fn parts(path: &Path) -> Result<Vec<Part>> {
     with_path(path, || {
         let reader = ::exr::block::read(open(path)?.reader, false)?;
-        Ok(reader
-            .headers()
-            .iter()
-            .map(|header| Part {
-                name: header.own_attributes.layer_name.as_ref().map(text),
-                channels: header.channels.list.iter().map(|channel| text(&channel.name)).collect(),
-                sample_types: header
-                    .channels
-                    .list
-                    .iter()
-                    .map(|channel| name_of(channel.sample_type))
-                    .collect(),
-                data_window: header.data_window().into(),
-                display_window: header.shared_attributes.display_window.into(),
-                pixel_aspect: pixel_aspect(header.shared_attributes.pixel_aspect),
-            })
-            .collect())
+        Ok(reader.headers().iter().map(Part::of).collect())
     })
+}
+
+/// Describes the first deep part that has a channel of the name `needed`, with its number; `None` if there is none.
+pub fn deep_part(path: &Path, needed: &str) -> Result<Option<(usize, Part)>> {
+    with_path(path, || {
+        let headers = MetaData::read_from_unbuffered(open(path)?.reader, false)?.headers;
+        let deep = headers.iter().enumerate().filter(|(_, header)| header.deep);
+        let mut parts = deep.map(|(number, header)| (number, Part::of(header)));
+        Ok(parts.find(|(_, part)| part.channels.iter().any(|name| name == needed)))
+    })
+}
+
+impl Part {
+    fn of(header: &Header) -> Part {
+        let channels = &header.channels.list;
+        Part {
+            name: header.own_attributes.layer_name.as_ref().map(text),
+            channels: channels.iter().map(|channel| text(&channel.name)).collect(),
+            sample_types: channels.iter().map(|channel| name_of(channel.sample_type)).collect(),
+            data_window: header.data_window().into(),
+            display_window: header.shared_attributes.display_window.into(),
+            pixel_aspect: pixel_aspect(header.shared_attributes.pixel_aspect),
+        }
+    }
 }
 
 fn name_of(sample_type: SampleType) -> &'static str {
@@ -116,11 +125,15 @@ fn name_of(sample_type: SampleType) -> &'static str {
 /// Reads what each part of a file says beside its pixels.
 pub fn attributes(path: &Path) -> Result<Vec<Attributes>> {
     with_path(path, || {
-        let reader = ::exr::block::read(open(path)?.reader, false)?;
         let of = |header: &Header| Attributes {
             shared: header.shared_attributes.clone(),
             own: header.own_attributes.clone(),
         };
+        let meta = MetaData::read_from_unbuffered(open(path)?.reader, false)?;
+        if meta.requirements.has_deep_data {
+            return Ok(meta.headers.iter().map(of).collect());
+        }
+        let reader = ::exr::block::read(open(path)?.reader, false)?;
         Ok(reader.headers().iter().map(of).collect())
     })
 }

@@ -8,8 +8,13 @@
 //! difference into how many pieces a volume was cut. What is opaque has an infinite one: it stays where it is, and what is
 //! merged with it comes to it. A wall behind fog keeps its distance, and its sharpness if it is in focus.
 
+mod carried;
+
+pub use carried::{Carried, Held};
+
 use crate::cancel::Cancel;
 use crate::error::Result;
+use carried::Share;
 use rayon::prelude::*;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -34,6 +39,8 @@ pub struct DeepSamples<'a> {
     pub z: &'a [f32],
     /// Depth where it ends, if it is a volume.
     pub back: Option<&'a [f32]>,
+    /// Further channels, merged as the samples are.
+    pub carried: &'a [Carried<'a>],
 }
 
 /// Layers of a frame.
@@ -44,13 +51,72 @@ pub struct DeepLayers {
     pub color: Vec<f32>,
     /// Depth of each pixel, layer by layer; infinite where there is no sample.
     pub depth: Vec<f32>,
+    /// The further channels of each pixel, layer by layer; 0 where there is no sample.
+    pub carried: Vec<Vec<f32>>,
 }
 
-/// A sample, or several that were merged.
+/// A sample, a piece of one, or several that were merged.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Sample {
     z: f32,
     color: [f32; 4],
+    /// Where it comes from, and the part of that one's light.
+    origin: (usize, f32),
+    /// How many were merged.
+    count: usize,
+}
+
+/// A row of pixels: the number of layers of each, and their values one after another.
+struct Row {
+    counts: Vec<u32>,
+    color: Vec<f32>,
+    depth: Vec<f32>,
+    carried: Vec<Vec<f32>>,
+}
+
+/// The pixels that are wanted; those with samples are `seen` rows.
+struct Window {
+    columns: Range<i64>,
+    rows: Range<i64>,
+    seen: Range<usize>,
+}
+
+impl Window {
+    /// Values of a number of channels of all layers; `fill` where there are none.
+    fn laid_out<'a>(
+        &self,
+        layers: usize,
+        channels: usize,
+        fill: f32,
+        rows: &'a [Row],
+        values: impl Fn(&'a Row) -> &'a [f32] + Sync,
+    ) -> Vec<f32> {
+        let across = (self.columns.end - self.columns.start) as usize * channels;
+        let down = (self.rows.end - self.rows.start) as usize;
+        let mut all = vec![fill; layers * down * across];
+        if channels == 0 {
+            return all;
+        }
+        // The rows of the output that have pixels; each with those of all layers.
+        let top = (self.seen.start as i64 - self.rows.start).max(0) as usize;
+        let mut out: Vec<Vec<&mut [f32]>> = rows.iter().map(|_| Vec::new()).collect();
+        for (line, plane) in all.chunks_exact_mut(across).enumerate() {
+            if let Some(row) = (line % down).checked_sub(top).and_then(|row| out.get_mut(row)) {
+                row.push(plane);
+            }
+        }
+        out.par_iter_mut().zip(rows).for_each(|(out, row)| {
+            let mut values = values(row).chunks_exact(channels);
+            for (x, count) in (-self.columns.start..).zip(&row.counts) {
+                for (layer, values) in values.by_ref().take(*count as usize).enumerate() {
+                    if (0..(across / channels) as i64).contains(&x) {
+                        out[layer][channels * x as usize..][..channels].copy_from_slice(values);
+                    }
+                }
+            }
+        });
+        all
+    }
 }
 
 impl Sample {
@@ -86,7 +152,7 @@ impl Sample {
         } else {
             (own + other) / (own / self.z + other / behind.z)
         };
-        Sample { z, color }
+        Sample { z, color, origin: self.origin, count: self.count + behind.count }
     }
 }
 
@@ -111,40 +177,28 @@ impl DeepSamples<'_> {
             cancel.check()?;
             Ok(self.row(y, first[y], most))
         });
-        let merged: Vec<(Vec<u32>, Vec<Sample>)> = merged.collect::<Result<_>>()?;
-        let layers = merged.par_iter().flat_map_iter(|(counts, _)| counts.iter().copied()).max();
+        let merged: Vec<Row> = merged.collect::<Result<_>>()?;
+        let layers = merged.par_iter().flat_map_iter(|row| row.counts.iter().copied()).max();
         let layers = layers.unwrap_or(0).max(1) as usize;
-
-        let (across, down) = ((columns.end - columns.start) as usize, (rows.end - rows.start) as usize);
-        let mut color = vec![0.0; layers * down * across * 4];
-        let mut depth = vec![f32::INFINITY; layers * down * across];
-        // The rows of the output that have pixels; each with those of all layers.
-        let top = (seen.start as i64 - rows.start).max(0) as usize;
-        let mut out: Vec<Vec<(&mut [f32], &mut [f32])>> = merged.iter().map(|_| Vec::new()).collect();
-        let lines = color.chunks_exact_mut(across * 4).zip(depth.chunks_exact_mut(across));
-        for (line, planes) in lines.enumerate() {
-            if let Some(row) = (line % down).checked_sub(top).and_then(|row| out.get_mut(row)) {
-                row.push(planes);
-            }
-        }
-        out.par_iter_mut().zip(&merged).for_each(|(out, (counts, samples))| {
-            let mut samples = samples.iter();
-            for (x, count) in (-columns.start..).zip(counts) {
-                for (layer, sample) in samples.by_ref().take(*count as usize).enumerate() {
-                    if (0..across as i64).contains(&x) {
-                        let (color, depth) = &mut out[layer];
-                        color[4 * x as usize..][..4].copy_from_slice(&sample.color);
-                        depth[x as usize] = sample.z;
-                    }
-                }
-            }
+        let window = Window { columns, rows, seen };
+        let carried = self.carried.iter().enumerate().map(|(i, carried)| {
+            window.laid_out(layers, carried.channels(), 0.0, &merged, |row| &row.carried[i])
         });
-        Ok(DeepLayers { layers, color, depth })
+        let carried = carried.collect();
+        let color = window.laid_out(layers, 4, 0.0, &merged, |row| &row.color);
+        let depth = window.laid_out(layers, 1, f32::INFINITY, &merged, |row| &row.depth);
+        Ok(DeepLayers { layers, color, depth, carried })
     }
 
-    /// The samples of a row, which begin at `first`, as at most so many of each pixel; and their numbers.
-    fn row(&self, y: usize, first: usize, most: usize) -> (Vec<u32>, Vec<Sample>) {
-        let (mut counts, mut all, mut pixel) = (Vec::with_capacity(self.width), Vec::new(), Vec::new());
+    /// The samples of a row, which begin at `first`, as at most so many of each pixel.
+    fn row(&self, y: usize, first: usize, most: usize) -> Row {
+        let mut row = Row {
+            counts: Vec::with_capacity(self.width),
+            color: Vec::new(),
+            depth: Vec::new(),
+            carried: self.carried.iter().map(|_| Vec::new()).collect(),
+        };
+        let (mut pixel, mut shares) = (Vec::new(), Vec::new());
         let mut start = first;
         for &count in &self.counts[y * self.width..][..self.width] {
             let end = start + count as usize;
@@ -165,16 +219,44 @@ impl DeepSamples<'_> {
                 is_seen
             });
             pixel.sort_by(|a, b| a.z.total_cmp(&b.z));
+            if !self.carried.is_empty() {
+                shares.clear();
+                shares.extend(pixel.iter().map(|sample: &Sample| {
+                    let (sample, part, seen) = (sample.origin.0, sample.origin.1, sample.alpha());
+                    Share { sample, light: part, seen }
+                }));
+            }
             merge(&mut pixel, most);
-            counts.push(pixel.len() as u32);
-            all.extend_from_slice(&pixel);
+            row.counts.push(pixel.len() as u32);
+            row.color.extend(pixel.iter().flat_map(|sample| sample.color));
+            row.depth.extend(pixel.iter().map(|sample| sample.z));
+            if !self.carried.is_empty() {
+                self.carry(&pixel, &mut shares, &mut row.carried);
+            }
         }
-        (counts, all)
+        row
+    }
+
+    /// Appends the further channels of a pixel's layers, given what each of its samples had before they were merged.
+    fn carry(&self, layers: &[Sample], mut shares: &mut [Share], out: &mut [Vec<f32>]) {
+        for layer in layers {
+            let own;
+            (own, shares) = shares.split_at_mut(layer.count);
+            let mut passing = 1.0;
+            for share in own.iter_mut() {
+                let stopped = share.seen;
+                share.light *= passing;
+                share.seen *= passing;
+                passing *= 1.0 - stopped;
+            }
+            self.carried.iter().zip(&mut *out).for_each(|(carried, out)| carried.append(own, out));
+        }
     }
 
     fn sample(&self, i: usize) -> Sample {
         let [r, g, b] = self.color.map(|plane| plane.map_or(0.0, |plane| plane[i]));
-        Sample { z: self.z[i], color: [r, g, b, self.alpha.map_or(1.0, |plane| plane[i])] }
+        let color = [r, g, b, self.alpha.map_or(1.0, |plane| plane[i])];
+        Sample { z: self.z[i], color, origin: (i, 1.0), count: 1 }
     }
 
     /// Splits the volumes of a pixel into thin samples, where their circles of confusion differ.
@@ -213,6 +295,8 @@ impl DeepSamples<'_> {
                 out.push(Sample {
                     z: (2.0 / (bounds[0] + bounds[1])) as f32,
                     color: [r, g, b, stopped as f32],
+                    origin: (i, part as f32),
+                    count: 1,
                 });
             }
         }
@@ -264,8 +348,10 @@ mod tests {
     use super::*;
 
     fn merged(samples: &[(f32, f32)], most: usize) -> Vec<(f32, f32)> {
-        let mut all: Vec<Sample> =
-            samples.iter().map(|&(z, alpha)| Sample { z, color: [alpha; 4] }).collect();
+        let mut all: Vec<Sample> = samples
+            .iter()
+            .map(|&(z, alpha)| Sample { z, color: [alpha; 4], origin: (0, 1.0), count: 1 })
+            .collect();
         merge(&mut all, most);
         all.iter().map(|sample| (sample.z, sample.alpha())).collect()
     }
