@@ -22,7 +22,7 @@ pub struct Renderer {
 
 impl Renderer {
     /// A renderer of a picture whose width and height are multiples of `supersample`, and whose first `lights` channels
-    /// hold light. If it carries channels, these are rendered in place of its own: by the method `lens`, on the CPU.
+    /// hold light. If it carries channels, these are rendered in place of its own: by the method `lens`.
     pub fn new(picture: Picture, lights: usize, carried: Option<Carried>, supersample: usize) -> Renderer {
         let scene = Scene::new(picture, lights, carried, supersample);
         Renderer { scene, cache: gpu::SceneCache::default() }

@@ -241,7 +241,6 @@ REFUSED = [
     ({"kinds": 3}, "kinds must be a kind, or a sequence"),
     ({"kinds": ["normal", "normal", "data", "data", "data"]}, "three channels in a row"),
     ({"method": "gaussian"}, 'guide and kinds are for method="lens"; got method="gaussian"'),
-    ({"device": "gpu"}, 'device must be "cpu" or "auto" with guide or kinds'),
     ({"lens": lens(axial_color=(0.0, 0.01, 0.0))}, "lens: axial_color is of red, green and blue"),
     ({"lens": lens(lateral_color=(0.001, 0.0, 0.0))}, "lens: lateral_color is of red, green and blue"),
 ]

@@ -179,12 +179,6 @@ def test_ids_are_held_out_as_their_mattes():
     np.testing.assert_allclose(ranks[..., 1::2].sum(-1), np.maximum(alpha, 0), atol=1e-5)
 
 
-def test_channels_stay_on_the_cpu(gpu):
-    color, depth = one_layer()
-    with pytest.raises(ValueError, match='device must be "cpu" or "auto" with guide or kinds'):
-        led(color, depth, color, HOLDOUT, device=gpu)
-
-
 # The command line and batches
 
 

@@ -184,8 +184,8 @@ def test_ids_are_in_the_order_of_their_ranks():
         ),
         (["--channels", "*", "--method", "taps"], '--channels is for --method "lens"; got --method'),
         (["--channels", "*", "--supersample", "2"], "--supersample must be 1 for ids"),
-        (["--channels", "*", "--profile"], "--profile is of the GPU, and --channels is rendered on the CPU"),
-        (["--channels", "*", "--device", "gpu"], '--device must be "cpu" or "auto" with --channels'),
+        (["--channels", "*", "--profile"], "--profile is for a picture without --channels"),
+        (["--channels", "*", "--device", "moon"], '--device must be "auto", "cpu", "gpu" or an adapter'),
         (["--channels", "*", "--kind", "*=none"], "--kind leaves no channel"),
     ],
 )

@@ -596,6 +596,5 @@ _SAID = {
     "dofsim.render takes": "`dofsim render` takes",
     "dofsim.devices()": "`dofsim devices`",
     "guide and kinds are for method=": "--channels is for --method ",
-    "with guide or kinds, which": "with --channels, which",
     "and channels with guide or kinds have no colour": "and --channels have no colour",
 }

@@ -27,6 +27,7 @@ def render_ids(
     lens: _dofsim.Lens,
     *,
     guide: NDArray[Any],
+    device: str = "auto",
     holdout: tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]]] | None = None,
     aperture: _dofsim.Aperture | None = None,
     depth_kind: Any = "z",
@@ -57,6 +58,8 @@ def render_ids(
         As for `render`.
     guide : ndarray
         The picture that decides, as for `render`. If it has coverage, that is what the ranks add up to.
+    device : str, optional
+        Where to compute, as for `render`.
     holdout, aperture, depth_kind, near, far, depth_range, invalid, invalid_color, alpha, transfer, overscan
         As for `render`.
     in_focus, max_coc_px, views, threads
@@ -128,6 +131,7 @@ def render_ids(
             focused,
             guide=guide,
             kinds="matte",
+            device=device,
             holdout=holdout,
             aperture=aperture,
             invalid_color=invalid_color,

@@ -186,7 +186,7 @@ def render_command(
     chosen_passes = None
     if channels or kind:
         if profile:
-            raise ValueError("--profile is of the GPU, and --channels is rendered on the CPU")
+            raise ValueError("--profile is for a picture without --channels")
         chosen_passes = _passes_of(image, channels or ["*"], kind or [], output, dtype)
     framed = read_framed(
         image,

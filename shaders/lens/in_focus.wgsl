@@ -10,26 +10,35 @@ struct Params {
     s_focus: f32,
     // The first tile of this pass.
     first_tile: u32,
+    // Channels of the picture itself.
+    own_channels: u32,
 }
 
 // Rounding of shifts moves a surface in focus by this loss of contrast at most, which is none.
 const ROUNDING: f32 = 1e-8;
 
 @group(0) @binding(0) var<uniform> params: Params;
+// The planes of the picture itself: the last one of a layer is its coverage.
+@group(0) @binding(2) var<storage, read> own_color: array<f32>;
 // The first pixel of each tile.
 @group(0) @binding(2) var<storage, read> tiles: array<vec2<u32>>;
 @group(0) @binding(3) var<storage, read> shifts: array<f32>;
 @group(0) @binding(4) var<storage, read_write> picture: array<f32>;
 
+// What of what is behind a layer of the picture passes it.
+fn passes(layer: u32, pixel: u32) -> f32 {
+    let coverage = (layer + 1u) * params.own_channels - 1u;
+    return 1.0 - own_color[coverage * params.size.x * params.size.y + pixel];
+}
+
 fn composed(x: i32, y: i32) -> vec4<f32> {
     let pixel = index_in(params.size, x, y);
     let layer = CHANNELS * params.size.x * params.size.y;
     var sum = color_at(params.size, pixel);
-    var left = 1.0 - sum[CHANNELS - 1u];
+    var left = 1.0;
     for (var i = 1u; i < params.layers; i++) {
-        let behind = color_at(params.size, i * layer + pixel);
-        sum += left * behind;
-        left *= 1.0 - behind[CHANNELS - 1u];
+        left *= passes(i - 1u, pixel);
+        sum += left * color_at(params.size, i * layer + pixel);
     }
     return sum;
 }

@@ -31,8 +31,7 @@ impl Exposure<'_> {
         let pixels = out.len() / carried.outputs();
         let mut rendered = Buffer::unset(pixels * carried.rendered());
         self.resolved(&mut rendered)?;
-        let own = self.scene.supersample == 1 && self.scene.picture.layers.len() == 1;
-        carried.finish(&rendered, own, out);
+        carried.finish(&rendered, self.scene.has_own_pixels(), out);
         Ok(())
     }
 
@@ -67,10 +66,7 @@ impl Exposure<'_> {
             let mut blurred = self.unset();
             self.blurred(&mut blurred)?;
             let magnification = |channel| imaging.magnification_of(channel);
-            let interpolation = match scene.carried {
-                None => Interpolation::Cubic,
-                Some(_) => Interpolation::Linear,
-            };
+            let interpolation = Interpolation::of(scene.carried.as_ref());
             let magnified = Magnified { size, centre: imaging.surface.centre, interpolation };
             magnify::magnify(&blurred, &magnified, magnification, cancel, out)?;
         } else {

@@ -4,7 +4,7 @@
 //! artificial border of the band then affects none of its rows. Bands begin where tiles, blocks and the pixels of
 //! smaller targets begin, and give the same bits as the whole frame.
 
-use crate::picture::Size;
+use crate::picture::{ChannelGroup, Size};
 use std::ops::Range;
 
 /// The rows that are read for a band begin and end at multiples of this number, unless a method has larger pixels.
@@ -44,6 +44,22 @@ impl Requirements {
     /// The same for pictures whose colours have different focus, and for each of which buffers have other sizes.
     pub fn for_focuses(self, count: usize) -> Requirements {
         Requirements { all_bytes_per_px: count * self.all_bytes_per_px, ..self }
+    }
+
+    /// The same for a picture that carries channels, whose cells have `bytes_per_px` in each group.
+    pub fn carrying(self, groups: &[ChannelGroup]) -> Requirements {
+        let Some(first) = groups.first() else { return self };
+        let of_all = size_of::<f32>() * groups.iter().map(|group| group.size.channels).sum::<usize>();
+        let of_group = size_of::<f32>() * ChannelGroup::MOST;
+        // Of every group its planes and its cells, which may all be on their way at a time; the picture's own cells, by which
+        // they are sharpened; up to four results of a group; and all of them, which are also transferred back.
+        let uploaded = of_all * first.layers.len() + groups.len() * self.bytes_per_px;
+        let more = uploaded + 2 * self.bytes_per_px + 4 * of_group + 3 * of_all;
+        Requirements {
+            bytes_per_px: self.bytes_per_px.max(of_all),
+            all_bytes_per_px: self.all_bytes_per_px + more,
+            ..self
+        }
     }
 
     /// Bytes that a band takes: of the largest buffer, and of all.

@@ -6,7 +6,7 @@ use super::commands::{Commands, groups, pixels};
 use super::shader::{Shader, shader, shared};
 use crate::error::Result;
 use crate::optics::Imaging;
-use crate::picture::Size;
+use crate::picture::{ChannelGroup, Size};
 use crate::plan::magnify::{self as plan, Interpolation, sources};
 use std::ops::Range;
 
@@ -38,11 +38,11 @@ pub struct Sources {
 }
 
 impl Sources {
-    /// The source pixels for a lens, if it changes the size of the picture.
-    pub fn new(imaging: &Imaging, size: Size) -> Option<Sources> {
+    /// The source pixels for a lens, if it changes the size of the picture: of all channels that may be rendered together.
+    pub fn new(imaging: &Imaging, size: Size, interpolation: Interpolation) -> Option<Sources> {
         let along = |n: usize, centre: f64| {
-            (0..size.channels)
-                .map(|c| sources(n, centre, imaging.magnification_of(c), Interpolation::Cubic))
+            (0..ChannelGroup::MOST)
+                .map(|c| sources(n, centre, imaging.magnification_of(c), interpolation))
                 .collect()
         };
         let [x, y] = imaging.surface.centre;

@@ -11,6 +11,7 @@
 pub mod adapters;
 mod bands;
 mod by_focus;
+mod carried;
 mod commands;
 mod device;
 mod draw;

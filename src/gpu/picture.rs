@@ -3,7 +3,8 @@
 use super::commands::Commands;
 use super::device::Gpu;
 use crate::error::Result;
-use crate::picture::{Layer, Picture, Size};
+use crate::memory::Buffer;
+use crate::picture::{ChannelGroup, Picture, Size};
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
@@ -33,17 +34,8 @@ impl GpuPicture {
         color: Option<wgpu::Buffer>,
     ) -> Result<GpuPicture> {
         let (size, layers) = (source.size, &source.layers);
-        let pixels = rows.start * size.width..rows.end * size.width;
-        let color = match (color, layers.as_slice()) {
-            (Some(color), _) => color,
-            (None, [one]) if rows.len() == size.height => gpu.upload("the picture", &one.color)?,
-            (None, layers) => {
-                let planes = |layer: &'_ Layer| {
-                    layer.color.chunks(size.pixels()).map(|p| p[pixels.clone()].to_vec()).collect::<Vec<_>>()
-                };
-                gpu.upload("the picture", &layers.iter().flat_map(planes).collect::<Vec<_>>().concat())?
-            }
-        };
+        let planes: Vec<_> = layers.iter().map(|layer| &layer.color).collect();
+        let color = color.map_or_else(|| upload(gpu, "the picture", &planes, size, rows), Ok)?;
         Ok(GpuPicture {
             gpu: Arc::clone(gpu),
             source: Arc::clone(source),
@@ -70,6 +62,17 @@ impl GpuPicture {
     /// The coverage of all rows of the picture in each of several layers; one layer covers all.
     pub fn coverage(&self) -> Vec<&[f32]> {
         self.source.coverage()
+    }
+
+    /// The groups of channels that the picture carries.
+    pub fn carried(&self) -> &[ChannelGroup] {
+        &self.source.carried
+    }
+
+    /// Uploads the planes of all layers of group number `g` of the channels that the picture carries.
+    pub fn upload_carried(&self, g: usize) -> Result<wgpu::Buffer> {
+        let layers: Vec<_> = self.source.carried[g].layers.iter().collect();
+        upload(&self.gpu, "channels", &layers, self.source.size, &self.rows)
     }
 
     /// Whether these are the given rows of the picture.
@@ -104,4 +107,20 @@ impl GpuPicture {
             ..*self
         })
     }
+}
+
+/// Uploads some rows of the planes of layers.
+fn upload(
+    gpu: &Gpu,
+    what: &'static str,
+    layers: &[&Arc<Buffer<f32>>],
+    size: Size,
+    rows: &Range<usize>,
+) -> Result<wgpu::Buffer> {
+    if let ([one], true) = (layers, rows.len() == size.height) {
+        return gpu.upload(what, one);
+    }
+    let pixels = rows.start * size.width..rows.end * size.width;
+    let planes = layers.iter().flat_map(|layer| layer.chunks(size.pixels()));
+    gpu.upload(what, &planes.map(|plane| &plane[pixels.clone()]).collect::<Vec<_>>().concat())
 }

@@ -6,13 +6,17 @@ use super::device::Gpu;
 use super::magnify::{self, Sources};
 use super::picture::GpuPicture;
 use super::scene_cache::SceneCache;
-use super::{by_focus, falloff, gaussian, hexagonal, lens, levels, poisson, resolve, sprites, taps};
+use super::{by_focus, carried, falloff, gaussian, hexagonal, lens, levels, poisson, resolve, sprites, taps};
 use crate::cancel::Cancel;
+use crate::carried::Carried;
 use crate::error::{Error, Result};
+use crate::memory::Buffer;
 use crate::method::Method;
 use crate::optics::{Imaging, Optics};
 use crate::picture::{Picture, Size};
+use crate::plan::lens::Settings;
 use crate::plan::lens::optical_vignetting::PupilClip;
+use crate::plan::magnify::Interpolation;
 use crate::scene::Scene;
 use crate::scene::layered::LayeredScene;
 use crate::simd::Simd;
@@ -32,25 +36,18 @@ pub fn render_each<'a>(
             times.extend(pending.wait(cancel, out)?);
             Ok(())
         };
-        let mut running: Option<(Pending, &mut [f32])> = None;
-        for (imaging, mut out) in lenses {
+        let mut running = None;
+        for (imaging, out) in lenses {
             let mut exposure = Exposure::new(&gpu, scope, imaging)?;
-            while let Some(band) = exposure.bands.first().cloned() {
-                let next = match exposure.start(&band) {
-                    Ok(next) => next,
-                    Err(Error::Memory(_)) => {
-                        // There is less memory than was planned with: other programs have some of it, too.
-                        running.take().map_or(Ok(()), &mut finish)?;
-                        exposure.split_more(&band)?;
-                        continue;
-                    }
-                    Err(error) => return Err(error),
-                };
-                exposure.bands.remove(0);
-                let (own, behind) = out.split_at_mut(exposure.values_of(&band));
-                out = behind;
-                running.replace((next, own)).map_or(Ok(()), &mut finish)?;
-            }
+            let Some(carried) = &scope.scene.carried else {
+                exposure.start_all(out, &mut running, &mut finish)?;
+                continue;
+            };
+            let mut rendered = Buffer::unset(out.len() / carried.outputs() * carried.rendered());
+            let mut running = None;
+            exposure.start_all(&mut rendered, &mut running, &mut finish)?;
+            running.map_or(Ok(()), &mut finish)?;
+            carried.finish(&rendered, scope.scene.has_own_pixels(), out);
         }
         running.map_or(Ok(()), &mut finish)?;
         Ok(times)
@@ -94,7 +91,8 @@ impl<'a> Exposure<'a> {
     pub(super) fn new(gpu: &'a Arc<Gpu>, scope: &'a Scope, imaging: &'a Imaging) -> Result<Exposure<'a>> {
         let scene = scope.scene;
         let picture = scene.mapped(&imaging.disparity_map());
-        let sources = Sources::new(imaging, picture.size);
+        let interpolation = Interpolation::of(scene.carried.as_ref());
+        let sources = Sources::new(imaging, picture.size, interpolation);
         let clip = scope.method.clip_of(imaging);
         let requirements = Requirements::reaching(0);
         let (bands, kept) = (Vec::new(), 1);
@@ -147,9 +145,43 @@ impl<'a> Exposure<'a> {
         self.gpu.reclaim(self.scope.cancel)
     }
 
+    /// Starts to compute one band after another, whose pictures go to parts of `out`. While one is computed, the one before
+    /// is `running`, which is then given to `finish`; so is the last one before the next picture.
+    fn start_all<'o>(
+        &mut self,
+        mut out: &'o mut [f32],
+        running: &mut Option<(Pending, &'o mut [f32])>,
+        finish: &mut impl FnMut((Pending, &mut [f32])) -> Result<()>,
+    ) -> Result<()> {
+        while let Some(band) = self.bands.first().cloned() {
+            let next = match self.start(&band) {
+                Ok(next) => next,
+                Err(Error::Memory(_)) => {
+                    // There is less memory than was planned with: other programs have some of it, too.
+                    running.take().map_or(Ok(()), &mut *finish)?;
+                    self.split_more(&band)?;
+                    continue;
+                }
+                Err(error) => return Err(error),
+            };
+            self.bands.remove(0);
+            let (own, behind) = out.split_at_mut(self.values_of(&band));
+            out = behind;
+            running.replace((next, own)).map_or(Ok(()), &mut *finish)?;
+        }
+        Ok(())
+    }
+
+    /// The size of the picture, with the channels that are rendered.
+    fn size(&self) -> Size {
+        let size = self.picture.size;
+        let carried = self.scope.scene.carried.as_ref();
+        Size { channels: carried.map_or(size.channels, Carried::rendered), ..size }
+    }
+
     /// The number of output values of a band.
     fn values_of(&self, band: &Band) -> usize {
-        let (size, n) = (self.picture.size, self.scope.scene.supersample);
+        let (size, n) = (self.size(), self.scope.scene.supersample);
         band.rows.len() / n * (size.width / n) * size.channels
     }
 
@@ -170,7 +202,8 @@ impl<'a> Exposure<'a> {
                 let mut all = Requirements::reaching(0);
                 for optics in self.optics() {
                     let (optics, _) = settings.leaning(self.imaging, &optics)?;
-                    let of_focus = lens::requirements(&*self.layered(&optics)?, &optics);
+                    let carried = &self.picture.carried;
+                    let of_focus = lens::requirements(&*self.layered(&optics)?, &optics).carrying(carried);
                     all = Requirements { reach_px: all.reach_px.max(of_focus.reach_px), ..of_focus };
                 }
                 all
@@ -204,35 +237,117 @@ impl<'a> Exposure<'a> {
         }
         gpu.guarded(|| {
             let mut commands = Commands::new(gpu, self.scope.cancel);
-            let rendered = if self.imaging.is_axially_chromatic() {
-                by_focus::render(&mut commands, picture.size, |commands, color, channels| {
-                    self.part(commands, band, &picture, Some(channels), &self.imaging.optics_of(color))
-                })?
-            } else {
-                self.part(&mut commands, band, &picture, None, &self.imaging.optics_of(1))?
-            };
-            let size = Size { height: band.rows.len(), ..picture.size };
-            let full = match &self.sources {
-                Some(sources) => magnify::render(&mut commands, &rendered, picture.size, band, sources)?,
-                None if band.rows == band.read => rendered,
+            let output = match &scene.carried {
+                Some(carried) => self.carried(&mut commands, band, &picture, carried)?,
                 None => {
-                    let row = size.width * size.channels * size_of::<f32>();
-                    let full = commands.output(size)?;
-                    let first = band.rows.start - band.read.start;
-                    commands.copy_part(&rendered, first * row, &full, 0, size.height * row);
-                    full
+                    let rendered = if self.imaging.is_axially_chromatic() {
+                        by_focus::render(&mut commands, picture.size, |commands, color, channels| {
+                            self.part(
+                                commands,
+                                band,
+                                &picture,
+                                Some(channels),
+                                &self.imaging.optics_of(color),
+                            )
+                        })?
+                    } else {
+                        self.part(&mut commands, band, &picture, None, &self.imaging.optics_of(1))?
+                    };
+                    self.developed(&mut commands, band, rendered, picture.size, scene.lights)?
                 }
-            };
-            if let Some(falloff) = self.imaging.rows_from(band.rows.start).falloff {
-                let clip = self.clip.as_ref().map(|clip| clip.rows_from(band.rows.start));
-                falloff::darken(&mut commands, &full, size, scene.lights, &falloff, clip.as_ref())?;
-            }
-            let output = match scene.supersample {
-                1 => full,
-                n => resolve::box_average(&mut commands, &full, size, n)?,
             };
             commands.submit(&output)
         })
+    }
+
+    /// What was rendered of a band, with the operations on whole pictures, at the size of the output. The first `lights`
+    /// channels hold light.
+    fn developed(
+        &self,
+        commands: &mut Commands,
+        band: &Band,
+        rendered: wgpu::Buffer,
+        read: Size,
+        lights: usize,
+    ) -> Result<wgpu::Buffer> {
+        let size = Size { height: band.rows.len(), ..read };
+        let full = match &self.sources {
+            Some(sources) => magnify::render(commands, &rendered, read, band, sources)?,
+            None if band.rows == band.read => rendered,
+            None => {
+                let row = size.width * size.channels * size_of::<f32>();
+                let full = commands.output(size)?;
+                let first = band.rows.start - band.read.start;
+                commands.copy_part(&rendered, first * row, &full, 0, size.height * row);
+                full
+            }
+        };
+        if let Some(falloff) = self.imaging.rows_from(band.rows.start).falloff {
+            let clip = self.clip.as_ref().map(|clip| clip.rows_from(band.rows.start));
+            falloff::darken(commands, &full, size, lights, &falloff, clip.as_ref())?;
+        }
+        match self.scope.scene.supersample {
+            1 => Ok(full),
+            n => resolve::box_average(commands, &full, size, n),
+        }
+    }
+
+    /// Renders a band of all channels that the picture carries, side by side in the order of their groups.
+    fn carried(
+        &self,
+        commands: &mut Commands,
+        band: &Band,
+        picture: &GpuPicture,
+        carried: &Carried,
+    ) -> Result<wgpu::Buffer> {
+        let (all, n) = (carried.rendered(), self.scope.scene.supersample);
+        let output = Size { width: picture.size.width / n, height: band.rows.len() / n, channels: all };
+        let side_by_side = commands.output(output)?;
+        let Method::Lens(settings) = self.scope.method else {
+            unreachable!("channels are for the method lens")
+        };
+        let mut first = 0;
+        self.lens(
+            commands,
+            band,
+            (picture, None),
+            (settings, &self.imaging.optics_of(1)),
+            |commands, g, group| {
+                let channels = carried.groups[g].size.channels;
+                let lights = carried.lights().saturating_sub(first).min(channels);
+                let read = Size { channels, ..picture.size };
+                let group = self.developed(commands, band, group.clone(), read, lights)?;
+                let size = Size { channels, ..output };
+                carried::put(commands, (&group, size), first, (&side_by_side, all))?;
+                first += channels;
+                Ok(())
+            },
+        )?;
+        Ok(side_by_side)
+    }
+
+    /// Renders a band by the flagship; see [`lens::render`]. Of the channels of the `whole` picture, these are a `part` that may be rendered alone.
+    fn lens(
+        &self,
+        commands: &mut Commands,
+        band: &Band,
+        (whole, part): (&GpuPicture, Option<(&GpuPicture, &[usize])>),
+        (settings, optics): (&Settings, &Optics),
+        take: impl FnMut(&mut Commands, usize, &wgpu::Buffer) -> Result<()>,
+    ) -> Result<()> {
+        let &Scope { scene, cache, simd, cancel, .. } = self.scope;
+        let imaging = self.imaging.rows_from(band.read.start);
+        let (optics, settings) = settings.leaning(&imaging, optics)?;
+        let layered = self.layered(&optics)?;
+        let (mut layered, mut cells) = cache.cells(commands, whole, &layered, &band.read, self.kept)?;
+        let mut picture = whole;
+        if let Some((part, channels)) = part {
+            layered = Arc::new(layered.of_channels(channels));
+            cells = Arc::new(cells.of_channels(commands, channels)?);
+            picture = part;
+        }
+        let input = lens::Input { picture, scene: &layered, cells: &cells, supersample: scene.supersample };
+        lens::render(commands, &input, &optics, &settings, (simd, cancel), take)
     }
 
     /// Renders a band of a picture at one focus: all of its channels, or only some.
@@ -244,24 +359,19 @@ impl<'a> Exposure<'a> {
         channels: Option<&[usize]>,
         optics: &Optics,
     ) -> Result<wgpu::Buffer> {
-        let (gpu, &Scope { scene, cache, simd, cancel, .. }) = (self.gpu, self.scope);
+        let (gpu, &Scope { cache, .. }) = (self.gpu, self.scope);
         let part = channels.map(|channels| picture.of_channels(commands, channels)).transpose()?;
         let whole = picture;
         let picture = part.as_ref().unwrap_or(whole);
         match self.scope.method {
             Method::Lens(settings) => {
-                let imaging = self.imaging.rows_from(band.read.start);
-                let (optics, settings) = settings.leaning(&imaging, optics)?;
-                let layered = self.layered(&optics)?;
-                let (mut layered, mut cells) =
-                    cache.cells(commands, whole, &layered, &band.read, self.kept)?;
-                if let Some(channels) = channels {
-                    layered = Arc::new(layered.of_channels(channels));
-                    cells = Arc::new(cells.of_channels(commands, channels)?);
-                }
-                let input =
-                    lens::Input { picture, scene: &layered, cells: &cells, supersample: scene.supersample };
-                lens::render(commands, &input, &optics, &settings, simd, cancel)
+                let mut rendered = None;
+                let part = part.as_ref().zip(channels);
+                self.lens(commands, band, (whole, part), (settings, optics), |_, _, own| {
+                    rendered = Some(own.clone());
+                    Ok(())
+                })?;
+                Ok(rendered.expect("a picture that carries nothing is one group"))
             }
             Method::Poisson(settings) => poisson::render(commands, picture, optics, settings),
             Method::Hexagonal(settings) => hexagonal::render(commands, picture, optics, settings),

@@ -1,5 +1,6 @@
 //! The picture at another size, which may differ between channels: lateral colour, and focus breathing.
 
+use crate::carried::Carried;
 use crate::mirror::mirrored;
 
 /// The source pixels of a row or column of the output.
@@ -18,6 +19,13 @@ pub enum Interpolation {
     Cubic,
     /// Between two values: a linear map without negative weights.
     Linear,
+}
+
+impl Interpolation {
+    /// That of a picture, or of the channels that it carries, which must all be the same linear map.
+    pub fn of(carried: Option<&Carried>) -> Interpolation {
+        carried.map_or(Interpolation::Cubic, |_| Interpolation::Linear)
+    }
 }
 
 /// Catmull-Rom's cubic through four values, at `f` between the second and the third.

@@ -7,7 +7,6 @@ use super::run::installed;
 use super::samples::{array, in_order, sample_type, view, with_sample_type};
 use crate::carried::{Carried, Channel, ChannelKind};
 use crate::color::{Sample, Transfer};
-use crate::device::Device;
 use crate::memory::Buffer;
 use crate::method::Method;
 use crate::optics::Lens;
@@ -48,19 +47,6 @@ impl<'a, 'py> ChannelArguments<'a, 'py> {
     /// Whether `color` holds channels.
     pub fn any(&self) -> bool {
         self.guide.is_some() || self.kinds.is_some()
-    }
-
-    /// The device of channels: the CPU, for which "auto" stands here.
-    pub fn device(&self, name: &str, read: impl FnOnce() -> PyResult<Device>) -> PyResult<Device> {
-        if !self.any() {
-            return read();
-        }
-        match name {
-            "auto" | "cpu" => Ok(Device::Cpu),
-            _ => Err(PyValueError::new_err(format!(
-                "device must be \"cpu\" or \"auto\" with guide or kinds, which are not rendered on a GPU; got {name:?}"
-            ))),
-        }
     }
 
     /// The picture that decides, by `read`: the guide, or the channels themselves.

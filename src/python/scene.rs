@@ -205,7 +205,7 @@ impl PyScene {
     ) -> PyResult<PyScene> {
         let channels = ChannelArguments { guide, kinds };
         let device_name = device.to_owned();
-        let device = channels.device(device, || read_device(color.py(), device))?;
+        let device = read_device(color.py(), device)?;
         let kind = read_depth_arguments(&DepthArguments { depth_kind, near, far, depth_range })?;
         let invalid = read_invalid(invalid)?;
         let refining = refine.then_some(Refining { kind, invalid, threads: None });

@@ -4,6 +4,7 @@
 //! half-plane. The layers depend on the strength of the lens (`s = k d`) but not on its focus: a focal stack shares
 //! them.
 
+use super::colors::Colors;
 use super::depth_bounds::DepthBounds;
 use super::depth_codes::DepthCodes;
 use super::depth_spans::{self, DepthSpans};
@@ -122,12 +123,17 @@ impl LayeredScene {
         self.layers.iter().map(move |layer| if layer.colors.is_list() { None } else { numbers.next() })
     }
 
-    /// The same cells, without carried channels, in some rows of the frame, which begin with a block and end with one or
+    /// The same cells in some rows of the frame, which begin with a block and end with one or
     /// with the frame. Everything that was found for the whole frame stays as it is.
     pub fn rows(&self, rows: Range<usize>) -> LayeredScene {
         let width = self.size.width;
         let pixels = rows.start * width..rows.end * width;
         let size = Size { height: rows.len(), ..self.size };
+        let carried = |layer: &'_ SceneLayer| {
+            let of_group =
+                |colors: &Colors| colors.rows(pixels.clone(), Size { channels: colors.channels(), ..size });
+            layer.carried.iter().map(of_group).collect()
+        };
         let of = |layer: &SceneLayer| {
             let partial = layer.partial_in(pixels.clone()).iter();
             let partial = partial.map(|(index, plane)| (index - pixels.start, *plane)).collect();
@@ -140,7 +146,7 @@ impl LayeredScene {
                 role: layer.role,
                 s: Arc::new(Buffer::from(&layer.s[pixels.clone()])),
                 colors: layer.colors.rows(pixels.clone(), size),
-                carried: Vec::new(),
+                carried: carried(layer),
                 partial: Arc::new(partial),
                 connectivity: Arc::new(connectivity),
             }
@@ -154,8 +160,11 @@ impl LayeredScene {
             layers: self.layers.iter().map(of).collect(),
             front: self.front,
             held: self.held.as_ref().map(|held| {
-                let kept = held.own.chunks(self.size.pixels()).map(|plane| &plane[pixels.clone()]);
-                Held::of_picture(Buffer::concat(&kept.collect::<Vec<_>>()))
+                let kept = |planes: &Buffer<f32>| {
+                    let planes = planes.chunks(self.size.pixels()).map(|plane| &plane[pixels.clone()]);
+                    Buffer::concat(&planes.collect::<Vec<_>>())
+                };
+                Held { own: Arc::new(kept(&held.own)), carried: held.carried.iter().map(kept).collect() }
             }),
             opaque: self.opaque,
             shifts: self.shifts,

@@ -82,6 +82,11 @@ impl Scene {
         }
     }
 
+    /// Whether the output has the pixels of a picture of one layer.
+    pub(crate) fn has_own_pixels(&self) -> bool {
+        self.supersample == 1 && self.picture.layers.len() == 1
+    }
+
     /// The picture with its disparity mapped: that of a plain lens.
     ///
     /// No lock is ever held over parallel work: a worker that waits inside it may be handed another render of the

@@ -1,7 +1,9 @@
 //! Channels that are rendered together: those of a picture, or some of those that it carries.
 
 use crate::picture::{ChannelGroup, Picture, Size, Weighting};
-use crate::plan::lens::highlights::{Highlight, Highlights};
+use crate::plan::lens::carried::CarriedLight;
+use crate::plan::lens::footprint::Sharpening;
+use crate::plan::lens::highlights::Highlights;
 use crate::scene::colors::{CellColor, Colors};
 use crate::scene::highlights::light_channels;
 use crate::scene::layered::LayeredScene;
@@ -14,17 +16,6 @@ pub struct Input<'a> {
     pub scene: &'a LayeredScene,
     /// The output averages this many pixels along each axis, so correspondingly fewer samples are enough.
     pub supersample: usize,
-}
-
-/// How the blur of drawing cells at fractions of a pixel is undone.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Sharpening {
-    /// Each channel as far as its own values allow.
-    Own,
-    /// As far as the values of the picture allow that carries the channels.
-    Guided,
-    /// Not at all, since it needs negative weights.
-    Never,
 }
 
 /// Up to four channels.
@@ -94,30 +85,17 @@ impl<'a> Group<'a> {
                 swept: None,
                 excess: Vec::new(),
                 lights: 0,
-                sharpening: Sharpening::Never,
+                sharpening: Sharpening::of_carried(group.weighting),
             };
             match group.weighting {
                 Weighting::Mean => Group { dimmed: layers.cloned().collect(), ..plain },
                 Weighting::Light => {
-                    let color = |h: &Highlight| {
-                        let index = h.y as usize * group.size.width + h.x as usize;
-                        (index, scene.layers[h.layer].carried[g].at(index))
-                    };
-                    let scaled = |part: &dyn Fn(&Highlight) -> f32| {
-                        let mut cells = vec![Vec::new(); scene.layers.len()];
-                        for h in &highlights.all {
-                            let ((index, color), part) = (color(h), part(h));
-                            cells[h.layer].push(CellColor { index, color: color.map(|v| part * v) });
-                        }
-                        changed(layers.clone(), &cells)
-                    };
-                    let excess = highlights.all.iter();
+                    let light = CarriedLight::new(scene, highlights, g);
                     Group {
-                        dimmed: scaled(&|h| 1.0 - h.outshining),
-                        swept: highlights.swept.is_some().then(|| scaled(&|h| 1.0 - h.drawn * h.outshining)),
-                        excess: excess.map(|h| color(h).1.map(|v| h.area * h.outshining * v)).collect(),
+                        dimmed: changed(layers.clone(), &light.dimmed),
+                        swept: light.swept.map(|swept| changed(layers, &swept)),
+                        excess: light.excess,
                         lights: group.size.channels,
-                        sharpening: Sharpening::Guided,
                         ..plain
                     }
                 }

@@ -1,10 +1,9 @@
 //! The colours of one layer with a mirrored margin, widened or sharpened to their footprint.
 
-use super::group::Sharpening;
 use super::padded_layer::{PaddedLayer, parts};
 use crate::memory::Buffer;
 use crate::picture::Size;
-use crate::plan::lens::footprint::{self, Footprint};
+use crate::plan::lens::footprint::{self, Footprint, Sharpening};
 use crate::plan::lens::padding::Padding;
 use crate::rows::{bands, with_channels};
 use crate::scene::colors::Colors;

@@ -1,6 +1,6 @@
 //! Tiles that show one closed surface of nearly constant depth. Those that are swept in part have been swept before.
 
-use super::frame::{GROUPS, LensFrame, MAX_LOOPS, origin, units};
+use super::frame::{GROUPS, LensFrame, MAX_LOOPS, Target, origin, units};
 use super::kernels::{Disc, Kernels};
 use crate::error::Result;
 use crate::gpu::commands::Bound::{Read, Write};
@@ -46,58 +46,88 @@ shared! {
     }
 }
 
-/// Renders the tiles from the front layer's `colors`.
-pub fn pass(
-    commands: &mut Commands,
-    frame: &LensFrame,
-    kernels: &Kernels,
-    colors: &wgpu::Buffer,
-) -> Result<()> {
-    let LensFrame { cells, plan, picture, .. } = *frame;
-    let gpu = commands.gpu;
-    if kernels.tiles.is_empty() {
-        return Ok(());
-    }
-    let (size, channels) = (cells.size, cells.size.channels);
-    let front = (cells.front * size.pixels()) as u32;
-    let sums = commands.scratch::<[f32; 4]>("the sums of rows", (size.width + 1) * size.height)?;
-    let buffers = [Read(colors), Write(&sums)];
-    let rows = [size.height as u32, 1, 1];
-    commands.pass(&SUM_ROWS, channels, &SumParams { size: pixels(size), front, _end: 0 }, &buffers, rows)?;
+/// The tiles of one surface, and their discs.
+pub struct Discs<'a> {
+    frame: LensFrame<'a>,
+    params: DiscParams,
+    tiles: wgpu::Buffer,
+    count: usize,
+    words: wgpu::Buffer,
+    sums: wgpu::Buffer,
+    most_rows: usize,
+    widest_row: usize,
+}
 
-    let params = DiscParams {
-        size: pixels(size),
-        s_focus: plan.s_focus as f32,
-        small_px: SMALL_PX as f32,
-        fine: FINE as f32,
-        coarse: COARSE as f32,
-        apart: APART as f32,
-        first_step: kernels.first_step,
-        first_row: 0,
-        end_row: 0,
-        front,
-        first_tile: 0,
-    };
-    let tile = |&(at, disc, share): &((usize, usize), Disc, f32)| {
-        let kernel = match disc {
-            Disc::Same(kernel) => kernel as i32,
-            Disc::PerPixel => -1,
+impl<'a> Discs<'a> {
+    /// Uploads what is needed for discs; `None` if there are none.
+    pub fn new(
+        commands: &mut Commands,
+        frame: &LensFrame<'a>,
+        kernels: &Kernels,
+    ) -> Result<Option<Discs<'a>>> {
+        let LensFrame { cells, plan, .. } = *frame;
+        if kernels.tiles.is_empty() {
+            return Ok(None);
+        }
+        let (gpu, size) = (commands.gpu, cells.size);
+        let params = DiscParams {
+            size: pixels(size),
+            s_focus: plan.s_focus as f32,
+            small_px: SMALL_PX as f32,
+            fine: FINE as f32,
+            coarse: COARSE as f32,
+            apart: APART as f32,
+            first_step: kernels.first_step,
+            first_row: 0,
+            end_row: 0,
+            front: (cells.front * size.pixels()) as u32,
+            first_tile: 0,
         };
-        Tile { origin: origin(at), kernel, share }
-    };
-    let tiles: Vec<Tile> = kernels.tiles.iter().map(tile).collect();
-    let count = tiles.len();
-    let tiles = gpu.upload("the tiles of one surface", &tiles)?;
-    let words = gpu.upload("the discs", &kernels.words)?;
-    let buffers =
-        [Read(colors), Read(&sums), Read(&cells.shifts), Read(&words), Read(&tiles), Write(picture)];
-    // A pixel between two discs evaluates both.
-    let rows_at_once = (MAX_LOOPS / (2 * (1 + kernels.widest_row))).max(1);
-    for first_row in (0..kernels.most_rows).step_by(rows_at_once) {
-        let end_row = (first_row + rows_at_once) as u32;
-        let work = vec![units(rows_at_once.min(kernels.most_rows - first_row)); count];
-        let params = |first_tile| DiscParams { first_row: first_row as u32, end_row, first_tile, ..params };
-        commands.tiles(&DISC, channels, params, &buffers, (&work, GROUPS))?;
+        let tile = |&(at, disc, share): &((usize, usize), Disc, f32)| {
+            let kernel = match disc {
+                Disc::Same(kernel) => kernel as i32,
+                Disc::PerPixel => -1,
+            };
+            Tile { origin: origin(at), kernel, share }
+        };
+        let tiles: Vec<Tile> = kernels.tiles.iter().map(tile).collect();
+        Ok(Some(Discs {
+            frame: *frame,
+            params,
+            count: tiles.len(),
+            tiles: gpu.upload("the tiles of one surface", &tiles)?,
+            words: gpu.upload("the discs", &kernels.words)?,
+            sums: commands.scratch::<[f32; 4]>("the sums of rows", (size.width + 1) * size.height)?,
+            most_rows: kernels.most_rows,
+            widest_row: kernels.widest_row,
+        }))
     }
-    Ok(())
+
+    /// Renders the tiles from the front layer's `colors`.
+    pub fn pass(&self, commands: &mut Commands, target: Target, colors: &wgpu::Buffer) -> Result<()> {
+        let LensFrame { cells, .. } = self.frame;
+        let DiscParams { size, front, .. } = self.params;
+        let sum = SumParams { size, front, _end: 0 };
+        let rows = [size[1], 1, 1];
+        let buffers = [Read(colors), Write(&self.sums)];
+        commands.pass(&SUM_ROWS, target.channels, &sum, &buffers, rows)?;
+        let buffers = [
+            Read(colors),
+            Read(&self.sums),
+            Read(&cells.shifts),
+            Read(&self.words),
+            Read(&self.tiles),
+            Write(target.picture),
+        ];
+        // A pixel between two discs evaluates both.
+        let rows_at_once = (MAX_LOOPS / (2 * (1 + self.widest_row))).max(1);
+        for first_row in (0..self.most_rows).step_by(rows_at_once) {
+            let end_row = (first_row + rows_at_once) as u32;
+            let work = vec![units(rows_at_once.min(self.most_rows - first_row)); self.count];
+            let params =
+                |first_tile| DiscParams { first_row: first_row as u32, end_row, first_tile, ..self.params };
+            commands.tiles(&DISC, target.channels, params, &buffers, (&work, GROUPS))?;
+        }
+        Ok(())
+    }
 }

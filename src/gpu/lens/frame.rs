@@ -21,14 +21,21 @@ pub fn units(per_pixel: usize) -> f64 {
     (TILE.0 * TILE.1 * per_pixel) as f64
 }
 
-/// The scene on the device, the plan, and the picture to which passes write.
+/// The scene on the device, and the plan.
+#[derive(Clone, Copy)]
 pub struct LensFrame<'a> {
     pub cells: &'a Cells,
     pub codes: &'a DepthCodes,
     pub plan: &'a Plan,
     /// The clipping by the second stop, if there is one.
     pub clip: Option<&'a PupilClip>,
+}
+
+/// The picture to which passes write.
+#[derive(Clone, Copy)]
+pub struct Target<'a> {
     pub picture: &'a wgpu::Buffer,
+    pub channels: usize,
 }
 
 /// The first pixel of a tile in the form that shaders use.

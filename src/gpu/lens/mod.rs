@@ -7,6 +7,7 @@ pub(super) mod colors;
 pub(super) mod disc;
 pub(super) mod edges;
 pub(super) mod frame;
+mod group;
 pub(super) mod highlights;
 mod kernels;
 pub(super) mod layered;
@@ -26,6 +27,7 @@ use super::shader::{Shader, shader, shared};
 use crate::cancel::Cancel;
 use crate::error::Result;
 use crate::optics::Optics;
+use crate::picture::Size;
 use crate::plan::lens::footprint::REACHES;
 use crate::plan::lens::highlights::Highlights;
 use crate::plan::lens::optical_vignetting::PupilClip;
@@ -35,8 +37,13 @@ use crate::plan::lens::{Plan, Settings, check_full_resolution, reach_px};
 use crate::scene::grid::{BLOCK, TILE};
 use crate::scene::layered::LayeredScene;
 use crate::simd::Simd;
-use frame::{GROUPS, LensFrame, origin, units};
+use colors::Drawing;
+use disc::Discs;
+use frame::{GROUPS, LensFrame, Target, origin, units};
+use group::Group;
+use highlights::HighlightDiscs;
 use kernels::Kernels;
+use sweep::Sweep;
 
 pub const IN_FOCUS: Shader =
     shader!("lens/in_focus", ["mirror", "picture", "lens/depth_spans"], [InFocusParams]);
@@ -50,6 +57,7 @@ shared! {
         loss_per_px2: [f32; 2],
         s_focus: f32,
         first_tile: u32,
+        own_channels: u32,
     }
 }
 
@@ -82,62 +90,153 @@ pub fn requirements(scene: &LayeredScene, optics: &Optics) -> Requirements {
     }
 }
 
-/// Renders the picture.
+/// What is rendered of a frame under one focus on a device: all that does not depend on the channels.
+struct Passes<'a> {
+    frame: LensFrame<'a>,
+    in_focus: Option<InFocus<'a>>,
+    drawing: Drawing<'a>,
+    sweep: Option<Sweep<'a>>,
+    discs: Option<Discs<'a>>,
+    highlights: Option<HighlightDiscs<'a>>,
+}
+
+impl Passes<'_> {
+    /// Renders a group of channels. If a picture carries it, `guide` is [the picture's own](Drawing::guide).
+    fn render(
+        &self,
+        commands: &mut Commands,
+        group: &Group,
+        guide: Option<(&wgpu::Buffer, Size)>,
+    ) -> Result<wgpu::Buffer> {
+        let cells = self.frame.cells;
+        let picture = commands.output(group.size)?;
+        let target = Target { picture: &picture, channels: group.size.channels };
+        let dim = colors::dim(commands, cells, group, &group.dimmed)?;
+        if let Some(in_focus) = &self.in_focus {
+            in_focus.pass(commands, target, group)?;
+        }
+        if let Some(sweep) = &self.sweep {
+            let swept = match &group.swept {
+                Some(swept) => colors::dim(commands, cells, group, swept)?,
+                None => dim.clone(),
+            };
+            let drawn = self.drawing.drawn(commands, group, &swept, guide)?;
+            sweep.pass(commands, target, &drawn)?;
+        }
+        if let Some(discs) = &self.discs {
+            discs.pass(commands, target, &dim)?;
+        }
+        if let Some(highlights) = self.highlights.as_ref().filter(|_| !group.light.is_empty()) {
+            highlights.pass(commands, target, &group.light)?;
+        }
+        Ok(picture)
+    }
+
+    /// The colours by which the channels are sharpened that a picture carries, if any are swept.
+    fn guide(&self, commands: &mut Commands, own: &Group) -> Result<Option<wgpu::Buffer>> {
+        if self.sweep.is_none() {
+            return Ok(None);
+        }
+        let colors = colors::dim(commands, self.frame.cells, own, own.swept.as_ref().unwrap_or(&own.dimmed))?;
+        self.drawing.guide(commands, own.size, &colors).map(Some)
+    }
+}
+
+/// Renders the picture through a lens; or, if it carries channels, these in its place. Each group of channels is given to
+/// `take`, with its number, before the next one is rendered; its buffer is used again afterwards.
 pub fn render(
     commands: &mut Commands,
     input: &Input,
     optics: &Optics,
     settings: &Settings,
-    simd: Simd,
-    cancel: &Cancel,
-) -> Result<wgpu::Buffer> {
-    let Input { scene, cells, .. } = *input;
+    (simd, cancel): (Simd, &Cancel),
+    mut take: impl FnMut(&mut Commands, usize, &wgpu::Buffer) -> Result<()>,
+) -> Result<()> {
+    let Input { picture, scene, cells, supersample } = *input;
     let size = scene.size;
     check_full_resolution(reach_px(scene, optics.k * optics.d_focus))?;
     let tiles = (Margin::Period, tiles::origins(size.width, size.height));
-    let plan = Plan::new(scene, optics, settings, input.supersample, tiles, simd);
+    let plan = Plan::new(scene, optics, settings, supersample, tiles, simd);
     cancel.check()?;
     let highlights = Highlights::new(scene, &plan, simd);
     let kernels = Kernels::new(scene, &plan, &highlights, &settings.aperture, cancel)?;
 
     let clip = settings.second_stop.map(|second_stop| PupilClip::new(second_stop, &settings.aperture));
-    let picture = commands.output(size)?;
-    let dim = colors::dim(commands, cells, &highlights.dimmed)?;
-    let frame = LensFrame { cells, codes: &scene.codes, plan: &plan, clip: clip.as_ref(), picture: &picture };
-    in_focus(commands, input.picture, &frame)?;
-    if !plan.sample_sets.is_empty() {
-        let swept = highlights.swept.as_ref().map(|swept| colors::dim(commands, cells, swept)).transpose()?;
-        let drawn = colors::drawn(commands, cells, &plan, swept.as_ref().unwrap_or(&dim).buffer(cells))?;
-        sweep::pass(commands, &frame, &drawn)?;
+    let frame = LensFrame { cells, codes: &scene.codes, plan: &plan, clip: clip.as_ref() };
+    let passes = Passes {
+        in_focus: InFocus::new(commands, &frame, picture)?,
+        drawing: Drawing::new(commands, cells, &plan)?,
+        sweep: Sweep::new(commands, &frame)?,
+        discs: Discs::new(commands, &frame, &kernels)?,
+        highlights: HighlightDiscs::new(commands, &frame, &kernels, &highlights, &settings.aperture)?,
+        frame,
+    };
+    let own = Group::of_picture(input, &highlights);
+    if picture.carried().is_empty() {
+        let rendered = passes.render(commands, &own, None)?;
+        return take(commands, 0, &rendered);
     }
-    disc::pass(commands, &frame, &kernels, dim.buffer(cells))?;
-    highlights::pass(commands, &frame, kernels, &highlights, &settings.aperture)?;
-    Ok(picture)
+    let guide = passes.guide(commands, &own)?;
+    let mark = commands.mark();
+    for g in 0..picture.carried().len() {
+        cancel.check()?;
+        commands.recycle(mark);
+        let group = Group::carried(commands, input, &highlights, g)?;
+        let rendered = passes.render(commands, &group, guide.as_ref().map(|guide| (guide, own.size)))?;
+        take(commands, g, &rendered)?;
+    }
+    Ok(())
 }
 
-/// Renders the tiles that are in focus.
-fn in_focus(commands: &mut Commands, picture: &GpuPicture, frame: &LensFrame) -> Result<()> {
-    let LensFrame { cells, plan, .. } = *frame;
-    let tiles = plan.tiles.iter().filter(|tile| tile.work == Work::InFocus);
-    let origins: Vec<[u32; 2]> = tiles.map(|tile| origin(tile.origin)).collect();
-    if origins.is_empty() {
-        return Ok(());
+/// The tiles that are in focus.
+struct InFocus<'a> {
+    cells: &'a Cells,
+    /// The picture's own planes, the last of which in each layer is its coverage.
+    color: wgpu::Buffer,
+    params: InFocusParams,
+    tiles: wgpu::Buffer,
+    count: usize,
+}
+
+impl<'a> InFocus<'a> {
+    /// Uploads the tiles; `None` if there are none.
+    fn new(commands: &Commands, frame: &LensFrame<'a>, picture: &GpuPicture) -> Result<Option<InFocus<'a>>> {
+        let LensFrame { cells, plan, .. } = *frame;
+        let tiles = plan.tiles.iter().filter(|tile| tile.work == Work::InFocus);
+        let origins: Vec<[u32; 2]> = tiles.map(|tile| origin(tile.origin)).collect();
+        if origins.is_empty() {
+            return Ok(None);
+        }
+        let params = InFocusParams {
+            size: pixels(picture.size),
+            layers: 0,
+            cell_layers: cells.layers as u32,
+            loss_per_px2: plan.in_focus.loss_per_px2,
+            s_focus: plan.s_focus as f32,
+            first_tile: 0,
+            own_channels: picture.size.channels as u32,
+        };
+        Ok(Some(InFocus {
+            cells,
+            color: picture.color.clone(),
+            params,
+            tiles: commands.gpu.upload("the tiles in focus", &origins)?,
+            count: origins.len(),
+        }))
     }
-    let (color, layers) = match &cells.held {
-        Some(held) => (held, 1),
-        None => (&picture.color, picture.layers),
-    };
-    let params = InFocusParams {
-        size: pixels(picture.size),
-        layers: layers as u32,
-        cell_layers: cells.layers as u32,
-        loss_per_px2: plan.in_focus.loss_per_px2,
-        s_focus: plan.s_focus as f32,
-        first_tile: 0,
-    };
-    let work = vec![units(1); origins.len()];
-    let tiles = commands.gpu.upload("the tiles in focus", &origins)?;
-    let buffers = [Read(color), Read(&tiles), Read(&cells.shifts), Write(frame.picture)];
-    let params = |first_tile| InFocusParams { first_tile, ..params };
-    commands.tiles(&IN_FOCUS, picture.size.channels, params, &buffers, (&work, GROUPS))
+
+    /// Renders the tiles.
+    fn pass(&self, commands: &mut Commands, target: Target, group: &Group) -> Result<()> {
+        let (planes, layers) = &group.planes;
+        let work = vec![units(1); self.count];
+        let buffers = [
+            Read(planes),
+            Read(&self.color),
+            Read(&self.tiles),
+            Read(&self.cells.shifts),
+            Write(target.picture),
+        ];
+        let params = |first_tile| InFocusParams { layers: *layers as u32, first_tile, ..self.params };
+        commands.tiles(&IN_FOCUS, target.channels, params, &buffers, (&work, GROUPS))
+    }
 }

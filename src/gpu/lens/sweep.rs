@@ -1,6 +1,6 @@
 //! Tiles in which visibility has to be resolved for every lens sample.
 
-use super::frame::{LensFrame, MAX_LOOPS, origin, units};
+use super::frame::{LensFrame, MAX_LOOPS, Target, origin, units};
 use crate::error::Result;
 use crate::gpu::commands::Bound::{Read, Write};
 use crate::gpu::commands::{Commands, pixels};
@@ -171,66 +171,96 @@ impl Traces {
     }
 }
 
-/// Sweeps the tiles with the colours `drawn`.
-pub fn pass(commands: &mut Commands, frame: &LensFrame, drawn: &wgpu::Buffer) -> Result<()> {
-    let LensFrame { cells, codes, plan, clip, picture } = *frame;
-    let gpu = commands.gpu;
-    let Traces { words: traces, first_samples, longest } = Traces::new(codes, plan, clip, cells.size);
-    let tile = |tile: &tiles::Tile| match &tile.work {
-        Work::Sweep { samples, occupied, .. } => Some(Tile {
-            origin: origin(tile.origin),
-            first_sample: first_samples[samples],
-            samples: *samples as u32,
-            occupied: depth_words(occupied),
-        }),
-        Work::InFocus | Work::Disc => None,
-    };
-    let tiles: Vec<Tile> = plan.tiles.iter().filter_map(tile).collect();
-    let windows: Vec<[u32; 8]> = padded_bounds::windows(&plan.bounds).par_iter().map(depth_words).collect();
-    let params = SweepParams {
-        size: pixels(cells.size),
-        pad: plan.padding.pad.map(|pad| pad as u32),
-        last: [plan.padding.stride - TILE.0, plan.padding.rows - TILE.1].map(|last| last as u32),
-        blocks_across: plan.bounds.across as u32,
-        block: BLOCK as u32,
-        layers: cells.layers as u32,
-        missed: plan.missed as u32,
-        first_sample: 0,
-        end_sample: 0,
-        front: (cells.front * cells.size.pixels()) as u32,
-        first_tile: 0,
-    };
-    let samples: Vec<usize> = tiles.iter().map(|tile| tile.samples as usize).collect();
-    let traces = gpu.upload("the traces of the samples", &traces)?;
-    let tiles = gpu.upload("the tiles that are swept", &tiles)?;
-    let windows = gpu.upload("the depths around tiles", &windows)?;
-    let left_out = commands.scratch::<f32>("the samples that do not count", cells.size.pixels())?;
-    let buffers = [
-        Read(&cells.codes),
-        Read(drawn),
-        Read(&cells.half_planes),
-        Read(&traces),
-        Read(&tiles),
-        Read(&windows),
-        Write(&left_out),
-        Write(picture),
-    ];
-    // An invocation tests all segments of one sample of each batch, and follows the picked segments of all its
-    // samples.
-    let loops_a_batch = longest * (2 + 2 * cells.layers) + BATCH * FOLLOWED * (1 + cells.layers);
-    let at_once = (MAX_LOOPS / loops_a_batch).max(1) * BATCH;
-    let most = plan.sample_sets.keys().copied().max().unwrap_or(0);
-    for first_sample in (0..most).step_by(at_once) {
-        let of_pass =
-            |samples: &usize| units(samples.saturating_sub(first_sample).min(at_once) * cells.layers);
-        let work: Vec<f64> = samples.iter().map(of_pass).collect();
-        let params = |first_tile| SweepParams {
-            first_sample: first_sample as u32,
-            end_sample: (first_sample + at_once) as u32,
-            first_tile,
-            ..params
+/// The tiles that are swept, and the traces of all samples.
+pub struct Sweep<'a> {
+    frame: LensFrame<'a>,
+    params: SweepParams,
+    traces: wgpu::Buffer,
+    tiles: wgpu::Buffer,
+    /// The number of samples of each tile.
+    samples: Vec<usize>,
+    windows: wgpu::Buffer,
+    left_out: wgpu::Buffer,
+    /// The largest number of segments of a sample.
+    longest: usize,
+}
+
+impl<'a> Sweep<'a> {
+    /// Uploads what is needed to sweep; `None` if nothing is swept.
+    pub fn new(commands: &mut Commands, frame: &LensFrame<'a>) -> Result<Option<Sweep<'a>>> {
+        let LensFrame { cells, codes, plan, clip } = *frame;
+        if plan.sample_sets.is_empty() {
+            return Ok(None);
+        }
+        let gpu = commands.gpu;
+        let Traces { words: traces, first_samples, longest } = Traces::new(codes, plan, clip, cells.size);
+        let tile = |tile: &tiles::Tile| match &tile.work {
+            Work::Sweep { samples, occupied, .. } => Some(Tile {
+                origin: origin(tile.origin),
+                first_sample: first_samples[samples],
+                samples: *samples as u32,
+                occupied: depth_words(occupied),
+            }),
+            Work::InFocus | Work::Disc => None,
         };
-        commands.tiles(&SWEEP, cells.size.channels, params, &buffers, (&work, GROUPS))?;
+        let tiles: Vec<Tile> = plan.tiles.iter().filter_map(tile).collect();
+        let windows = padded_bounds::windows(&plan.bounds);
+        let windows: Vec<[u32; 8]> = windows.par_iter().map(depth_words).collect();
+        let params = SweepParams {
+            size: pixels(cells.size),
+            pad: plan.padding.pad.map(|pad| pad as u32),
+            last: [plan.padding.stride - TILE.0, plan.padding.rows - TILE.1].map(|last| last as u32),
+            blocks_across: plan.bounds.across as u32,
+            block: BLOCK as u32,
+            layers: cells.layers as u32,
+            missed: plan.missed as u32,
+            first_sample: 0,
+            end_sample: 0,
+            front: (cells.front * cells.size.pixels()) as u32,
+            first_tile: 0,
+        };
+        Ok(Some(Sweep {
+            frame: *frame,
+            params,
+            samples: tiles.iter().map(|tile| tile.samples as usize).collect(),
+            traces: gpu.upload("the traces of the samples", &traces)?,
+            tiles: gpu.upload("the tiles that are swept", &tiles)?,
+            windows: gpu.upload("the depths around tiles", &windows)?,
+            left_out: commands.scratch::<f32>("the samples that do not count", cells.size.pixels())?,
+            longest,
+        }))
     }
-    Ok(())
+
+    /// Sweeps the tiles with the colours `drawn`.
+    pub fn pass(&self, commands: &mut Commands, target: Target, drawn: &wgpu::Buffer) -> Result<()> {
+        let LensFrame { cells, plan, .. } = self.frame;
+        let buffers = [
+            Read(&cells.codes),
+            Read(drawn),
+            Read(&cells.half_planes),
+            Read(&self.traces),
+            Read(&self.tiles),
+            Read(&self.windows),
+            Write(&self.left_out),
+            Write(target.picture),
+        ];
+        // An invocation tests all segments of one sample of each batch, and follows the picked segments of all its
+        // samples.
+        let loops_a_batch = self.longest * (2 + 2 * cells.layers) + BATCH * FOLLOWED * (1 + cells.layers);
+        let at_once = (MAX_LOOPS / loops_a_batch).max(1) * BATCH;
+        let most = plan.sample_sets.keys().copied().max().unwrap_or(0);
+        for first_sample in (0..most).step_by(at_once) {
+            let of_pass =
+                |samples: &usize| units(samples.saturating_sub(first_sample).min(at_once) * cells.layers);
+            let work: Vec<f64> = self.samples.iter().map(of_pass).collect();
+            let params = |first_tile| SweepParams {
+                first_sample: first_sample as u32,
+                end_sample: (first_sample + at_once) as u32,
+                first_tile,
+                ..self.params
+            };
+            commands.tiles(&SWEEP, target.channels, params, &buffers, (&work, GROUPS))?;
+        }
+        Ok(())
+    }
 }

@@ -6,6 +6,7 @@ use crate::gpu::{
 };
 use crate::optics::Measure;
 use crate::plan::lens::Missed;
+use crate::plan::lens::footprint::Sharpening;
 use crate::plan::poisson::LeakTest;
 use crate::plan::taps::Mix;
 use crate::scene::depth_codes::DepthCodes;
@@ -16,8 +17,9 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// All shaders.
-pub const SHADERS: [Shader; 35] = [
+pub const SHADERS: [Shader; 36] = [
     by_focus::BY_FOCUS,
+    carried::CARRIED,
     falloff::FALLOFF,
     gaussian::HALVE,
     gaussian::BLUR_X,
@@ -123,13 +125,15 @@ fn structures_lie_as_in_rust() {
 }
 
 /// Constants that both shaders and Rust state: a part of the shader's name, the constant, and Rust's value.
-const STATED_TWICE: [(&str, &str, f64); 16] = [
+const STATED_TWICE: [(&str, &str, f64); 18] = [
     ("levels/filter", "GROUP", GROUP as f64),
     ("lens/", "NOWHERE", lens::layered::NOWHERE as f64),
     ("lens/cells", "NO_PLANES", lens::layered::NO_PLANES as f64),
     ("lens/spans", "MOST", (DepthCodes::MAX - 1) as f64),
     ("lens/", "NO_EDGES", lens::edges::NO_EDGES as f64),
     ("lens/", "OF_HOLDOUT", lens::edges::OF_HOLDOUT as f64),
+    ("lens/sharpen", "GUIDED", Sharpening::Guided as u32 as f64),
+    ("lens/sharpen", "NEVER", Sharpening::Never as u32 as f64),
     ("lens/sweep", "MISSED_NOTHING", Missed::Nothing as u32 as f64),
     ("lens/sweep", "BATCH", lens::sweep::BATCH as f64),
     ("lens/sweep", "ROWS", (lens::sweep::ROWS / lens::frame::GROUP_ROWS) as f64),

@@ -5,6 +5,7 @@
 //! surface instead, so that texture finer than the spacing of the samples does not turn into noise.
 
 use super::aberrated::Reaches;
+use crate::picture::Weighting;
 
 /// Standard deviation of a cell's footprint, as a fraction of the distance between the positions at which `samples` lens
 /// samples draw it.
@@ -86,6 +87,27 @@ pub fn guided<const L: usize>(kappa: f32, own: [f32; L], other: [f32; L]) -> f32
         most += 0.25 * if lesser > 0.0 { lesser } else { 0.0 };
     }
     if kappa > 0.0 && wanted > most { kappa * (most / wanted) } else { kappa }
+}
+
+/// How the blur of drawing cells at fractions of a pixel is undone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sharpening {
+    /// Each channel as far as its own values allow.
+    Own,
+    /// As far as the values of the picture allow that carries the channels.
+    Guided,
+    /// Not at all, since it needs negative weights.
+    Never,
+}
+
+impl Sharpening {
+    /// That of channels that a picture carries.
+    pub fn of_carried(weighting: Weighting) -> Sharpening {
+        match weighting {
+            Weighting::Light => Sharpening::Guided,
+            Weighting::Mean => Sharpening::Never,
+        }
+    }
 }
 
 /// The variance to add to a cell as a function of its shift; negative where blur is to be undone.

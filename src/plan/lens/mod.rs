@@ -1,6 +1,7 @@
 //! The plan of the flagship for one focus. It is made from depths alone, and both devices carry it out.
 
 pub(crate) mod aberrated;
+pub(crate) mod carried;
 pub(crate) mod detail;
 pub(crate) mod disc;
 pub(crate) mod footprint;

@@ -23,7 +23,7 @@ mod waves;
 mod window;
 
 use super::frame::Frame;
-use super::group::{Group, Input, Sharpening};
+use super::group::{Group, Input};
 use super::widen::Widening;
 use crate::cancel::Cancel;
 use crate::error::Result;
@@ -33,6 +33,7 @@ use crate::picture::Size;
 use crate::plan::lens::Settings;
 use crate::plan::lens::disc::{Surface, beside};
 use crate::plan::lens::footprint::Footprint;
+use crate::plan::lens::footprint::Sharpening;
 use crate::plan::lens::kernels::Kernels;
 use crate::plan::lens::padding::Margin;
 use crate::plan::lens::tiles::Tile;
