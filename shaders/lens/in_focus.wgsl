@@ -21,9 +21,9 @@ const ROUNDING: f32 = 1e-8;
 // The planes of the picture itself: the last one of a layer is its coverage.
 @group(0) @binding(2) var<storage, read> own_color: array<f32>;
 // The first pixel of each tile.
-@group(0) @binding(2) var<storage, read> tiles: array<vec2<u32>>;
-@group(0) @binding(3) var<storage, read> shifts: array<f32>;
-@group(0) @binding(4) var<storage, read_write> picture: array<f32>;
+@group(0) @binding(3) var<storage, read> tiles: array<vec2<u32>>;
+@group(0) @binding(4) var<storage, read> shifts: array<f32>;
+@group(0) @binding(5) var<storage, read_write> picture: array<f32>;
 
 // What of what is behind a layer of the picture passes it.
 fn passes(layer: u32, pixel: u32) -> f32 {

@@ -31,7 +31,7 @@ use std::time::Instant;
 ///     The picture that decides, shape (H, W) or (H, W, C) with 1 to 4 channels, or (L, H, W, 4) for layers: what `color` is
 ///     without it. `color` then holds any number of channels of any meaning, as floats, of shape (H, W, N), or (L, H, W, N)
 ///     with values in each layer. Each channel goes through the lens alone, by the same weights: visibility, edges, hidden surfaces, coverage and highlights are found from the guide. `alpha`, `transfer` and
-///     `invalid_color` are about the guide. For ``method="lens"`` on the CPU, which ``device="auto"`` then stands for.
+///     `invalid_color` are about the guide. For ``method="lens"``.
 /// kinds : str or sequence of str, optional
 ///     What the channels are, one word for all or one for each: ``"light"`` (default), ``"matte"`` (coverage and masks: as
 ///     light, but not darkened by `vignetting` of the lens), ``"data"`` (numbers such as positions, depths or motion: a mean

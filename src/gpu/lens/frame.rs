@@ -1,10 +1,12 @@
 //! The input that the passes over tiles share.
 
 use super::layered::Cells;
+use crate::gpu::picture::GpuPicture;
 use crate::plan::lens::Plan;
 use crate::plan::lens::optical_vignetting::PupilClip;
 use crate::scene::depth_codes::DepthCodes;
 use crate::scene::grid::TILE;
+use crate::scene::layered::LayeredScene;
 
 /// The largest number of loop iterations of an invocation in one pass; more work is divided among passes. So no pass
 /// takes so long that a driver ends it, and the limit of llvmpipe, which silently leaves all loops after 65535
@@ -19,6 +21,15 @@ pub const GROUPS: u32 = TILE.1.div_ceil(GROUP_ROWS) as u32;
 /// The work for a tile of whose pixels each one takes so many units.
 pub fn units(per_pixel: usize) -> f64 {
     (TILE.0 * TILE.1 * per_pixel) as f64
+}
+
+/// The input of a render.
+pub struct Input<'a> {
+    pub picture: &'a GpuPicture,
+    pub scene: &'a LayeredScene,
+    pub cells: &'a Cells,
+    /// See `cpu::lens::Input`.
+    pub supersample: usize,
 }
 
 /// The scene on the device, and the plan.

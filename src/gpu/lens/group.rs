@@ -1,6 +1,6 @@
 //! Channels that are rendered together; the twin of `cpu::lens::group`.
 
-use super::Input;
+use super::frame::Input;
 use crate::error::Result;
 use crate::gpu::commands::Commands;
 use crate::gpu::device::Gpu;

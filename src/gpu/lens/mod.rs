@@ -17,6 +17,7 @@ pub(super) mod sweep;
 #[cfg(test)]
 mod tests;
 
+pub use frame::Input;
 pub use layered::Cells;
 
 use super::bands::Requirements;
@@ -59,15 +60,6 @@ shared! {
         first_tile: u32,
         own_channels: u32,
     }
-}
-
-/// The input of a render.
-pub struct Input<'a> {
-    pub picture: &'a GpuPicture,
-    pub scene: &'a LayeredScene,
-    pub cells: &'a Cells,
-    /// See `cpu::lens::Input`.
-    pub supersample: usize,
 }
 
 /// What the method requires of a device. Rays reach as far as the largest circle of confusion around the tiles. Cells
