@@ -46,15 +46,16 @@ impl Requirements {
         Requirements { all_bytes_per_px: count * self.all_bytes_per_px, ..self }
     }
 
-    /// The same for a picture that carries channels, whose cells have `bytes_per_px` in each group.
+    /// The same for a picture that carries channels.
     pub fn carrying(self, groups: &[ChannelGroup]) -> Requirements {
         let Some(first) = groups.first() else { return self };
         let of_all = size_of::<f32>() * groups.iter().map(|group| group.size.channels).sum::<usize>();
         let of_group = size_of::<f32>() * ChannelGroup::MOST;
-        // Of every group its planes and its cells, which may all be on their way at a time; the picture's own cells, by which
-        // they are sharpened; up to four results of a group; and all of them, which are also transferred back.
-        let uploaded = of_all * first.layers.len() + groups.len() * self.bytes_per_px;
-        let more = uploaded + 2 * self.bytes_per_px + 4 * of_group + 3 * of_all;
+        // Of every group its planes, as the pinhole sees them and as cells have them, which may all be on their way at a time;
+        // the cells of a group; the picture's own, by which they are sharpened; up to four results of a group; and all of
+        // them, which are also transferred back.
+        let uploaded = 2 * of_all * first.layers.len();
+        let more = uploaded + 3 * self.bytes_per_px + 4 * of_group + 3 * of_all;
         Requirements {
             bytes_per_px: self.bytes_per_px.max(of_all),
             all_bytes_per_px: self.all_bytes_per_px + more,

@@ -71,6 +71,11 @@ impl Colors {
         self.size.channels
     }
 
+    /// The planes of the frame, without the listed cells; `None` if only these have a colour.
+    pub fn planes(&self) -> Option<&[f32]> {
+        self.planes.as_ref().map(|planes| &planes[..])
+    }
+
     /// Whether only listed cells have a colour.
     pub fn is_list(&self) -> bool {
         self.planes.is_none()

@@ -2,9 +2,10 @@
 
 use super::group::Group;
 use super::layered::Cells;
+use super::replace::replace;
 use crate::error::Result;
 use crate::gpu::commands::Bound::{Read, Write};
-use crate::gpu::commands::{Commands, GROUP, groups, pixels};
+use crate::gpu::commands::{Commands, groups, pixels};
 use crate::gpu::shader::{Shader, shader, shared};
 use crate::picture::Size;
 use crate::plan::lens::Plan;
@@ -13,7 +14,6 @@ use crate::scene::colors::CellColor;
 use crate::scene::edges::CONNECTED_PX;
 use crate::scene::highlights::light_channels;
 
-pub const REPLACE_COLORS: Shader = shader!("lens/replace_colors", [], [ReplaceParams, Replacement]);
 pub const WIDEN: Shader =
     shader!("lens/widen", ["mirror", "lens/depth_spans", "lens/footprint"], [WidenParams, Footprint]);
 pub const SHARPEN: Shader = shader!(
@@ -21,21 +21,6 @@ pub const SHARPEN: Shader = shader!(
     ["mirror", "lens/depth_spans", "lens/footprint", "lens/neighbours"],
     [SharpenParams, Footprint]
 );
-
-shared! {
-    /// Parameters for cells whose colour is replaced.
-    struct ReplaceParams {
-        count: u32,
-    }
-}
-
-shared! {
-    struct Replacement {
-        color: [f32; 4],
-        index: u32,
-        _end: [u32; 3],
-    }
-}
 
 shared! {
     struct Footprint {
@@ -80,32 +65,13 @@ pub fn dim(
     group: &Group,
     dimmed: &[Vec<CellColor>],
 ) -> Result<wgpu::Buffer> {
-    let layers = (0..).step_by(cells.size.pixels()).zip(dimmed);
-    let replacements: Vec<Replacement> = layers
-        .flat_map(|(first, dimmed)| {
-            dimmed.iter().map(move |cell| Replacement {
-                color: cell.color,
-                index: (first + cell.index) as u32,
-                _end: [0; 3],
-            })
-        })
-        .collect();
-    if replacements.is_empty() {
+    if dimmed.iter().all(Vec::is_empty) {
         return Ok(group.colors.clone());
     }
-    let gpu = commands.gpu;
     let colors = commands.scratch::<[f32; 4]>("the colours without highlights", cells.len())?;
     commands.copy(&group.colors, &colors);
-    let side = (replacements.len() as f64).sqrt().ceil() as usize;
-    let params = ReplaceParams { count: replacements.len() as u32 };
-    let replacements = gpu.upload("the cells of highlights", &replacements)?;
-    commands.pass(
-        &REPLACE_COLORS,
-        group.size.channels,
-        &params,
-        &[Read(&replacements), Write(&colors)],
-        groups(side.next_multiple_of(GROUP), side),
-    )?;
+    let dimmed = dimmed.iter().map(Vec::as_slice);
+    replace(commands, &colors, group.size.channels, cells.size.pixels(), dimmed)?;
     Ok(colors)
 }
 

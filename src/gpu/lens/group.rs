@@ -1,21 +1,28 @@
 //! Channels that are rendered together; the twin of `cpu::lens::group`.
 
 use super::frame::Input;
+use super::layered::{Cells, NO_PLANES};
+use super::replace::replace;
 use crate::error::Result;
-use crate::gpu::commands::Commands;
-use crate::gpu::device::Gpu;
-use crate::gpu::picture::GpuPicture;
-use crate::memory;
+use crate::gpu::commands::Bound::{Read, Write};
+use crate::gpu::commands::{Commands, groups, pixels};
+use crate::gpu::shader::{Shader, shader, shared};
 use crate::picture::{Size, Weighting};
 use crate::plan::lens::carried::CarriedLight;
 use crate::plan::lens::footprint::Sharpening;
 use crate::plan::lens::highlights::Highlights;
 use crate::scene::colors::{CellColor, Colors};
-use crate::scene::layered::LayeredScene;
-use rayon::prelude::*;
 
-/// Number of values that one worker converts at a time.
-const CHUNK: usize = 1 << 14;
+pub const INTERLEAVE: Shader = shader!("lens/interleave", ["picture"], [InterleaveParams]);
+
+shared! {
+    /// Parameters for the cells of one layer.
+    struct InterleaveParams {
+        size: [u32; 2],
+        first: u32,
+        planes: u32,
+    }
+}
 
 /// Up to four channels on a device.
 pub struct Group {
@@ -53,19 +60,32 @@ impl Group {
         }
     }
 
-    /// Group number `g` of those that the picture carries, uploaded to the device.
-    pub fn carried(commands: &Commands, input: &Input, highlights: &Highlights, g: usize) -> Result<Group> {
-        let Input { picture, scene, .. } = *input;
+    /// Group number `g` of those that the picture carries, taken to the device.
+    pub fn carried(
+        commands: &mut Commands,
+        input: &Input,
+        highlights: &Highlights,
+        g: usize,
+    ) -> Result<Group> {
+        let Input { picture, scene, cells, .. } = *input;
         let group = &picture.carried()[g];
         let size = Size { channels: group.size.channels, ..scene.size };
         let light = match group.weighting {
             Weighting::Light => CarriedLight::new(scene, highlights, g),
             Weighting::Mean => CarriedLight { dimmed: Vec::new(), swept: None, excess: Vec::new() },
         };
+        let planes = match &scene.held {
+            Some(held) => (commands.gpu.upload("channels behind holdouts", &held.carried[g])?, 1),
+            None => (picture.upload_carried(g)?, picture.layers),
+        };
+        // Of one layer, what the pinhole sees is what cells are, but for those that are listed.
+        let is_seen = scene.held.is_none() && picture.layers == 1;
+        let of_layers: Vec<&Colors> = scene.layers.iter().map(|layer| &layer.carried[g]).collect();
+        let colors = laid_out(commands, cells, &of_layers, is_seen.then_some(&planes.0), size)?;
         Ok(Group {
             size,
-            planes: planes(commands, picture, scene, g)?,
-            colors: interleaved(commands.gpu, scene.layers.iter().map(|layer| &layer.carried[g]), size)?,
+            planes,
+            colors,
             dimmed: light.dimmed,
             swept: light.swept,
             light: light.excess,
@@ -74,39 +94,29 @@ impl Group {
     }
 }
 
-/// The planes of a group that is carried, and of how many layers they are.
-fn planes(
-    commands: &Commands,
-    picture: &GpuPicture,
-    scene: &LayeredScene,
-    g: usize,
-) -> Result<(wgpu::Buffer, usize)> {
-    Ok(match &scene.held {
-        Some(held) => (commands.gpu.upload("channels behind holdouts", &held.carried[g])?, 1),
-        None => (picture.upload_carried(g)?, picture.layers),
-    })
-}
-
-/// Uploads the colours of layers, four channels per cell.
-fn interleaved<'a>(
-    gpu: &Gpu,
-    layers: impl ExactSizeIterator<Item = &'a Colors>,
+/// The colours of all cells, from planes that are on the device, or else are uploaded, and from those that are listed.
+fn laid_out(
+    commands: &mut Commands,
+    cells: &Cells,
+    layers: &[&Colors],
+    at_hand: Option<&wgpu::Buffer>,
     size: Size,
 ) -> Result<wgpu::Buffer> {
-    let mut all: Vec<[f32; 4]> = memory::zeros(size.pixels() * layers.len());
-    layers.zip(all.chunks_mut(size.pixels())).for_each(|(colors, out)| interleave(colors, size, out));
-    gpu.upload("the channels of all cells", &all)
-}
-
-/// Interleaves the channels of a layer's colours.
-fn interleave(colors: &Colors, size: Size, out: &mut [[f32; 4]]) {
-    let planes = colors.to_planes();
-    let planes: Vec<&[f32]> = planes.chunks(size.pixels()).collect();
-    out.par_chunks_mut(CHUNK).enumerate().for_each(|(i, out)| {
-        for (x, color) in out.iter_mut().enumerate() {
-            for (value, plane) in color.iter_mut().zip(&planes) {
-                *value = plane[i * CHUNK + x];
-            }
-        }
-    });
+    let n = size.pixels();
+    let given: Vec<&[f32]> = layers.iter().filter_map(|colors| colors.planes()).collect();
+    let planes = match at_hand {
+        Some(planes) => planes.clone(),
+        None => commands.gpu.upload("the channels of layers", &given.concat())?,
+    };
+    let colors = commands.scratch::<[f32; 4]>("the channels of all cells", cells.len())?;
+    let mut first_plane = 0;
+    for (first, layer) in (0..).step_by(n).zip(layers) {
+        let of_layer = if layer.is_list() { NO_PLANES } else { first_plane };
+        let params = InterleaveParams { size: pixels(size), first: first as u32, planes: of_layer };
+        let on_all = groups(size.width, size.height);
+        commands.pass(&INTERLEAVE, size.channels, &params, &[Read(&planes), Write(&colors)], on_all)?;
+        first_plane += if layer.is_list() { 0 } else { size.channels as u32 };
+    }
+    replace(commands, &colors, size.channels, n, layers.iter().map(|colors| colors.listed(0..n)))?;
+    Ok(colors)
 }

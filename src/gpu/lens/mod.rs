@@ -7,12 +7,13 @@ pub(super) mod colors;
 pub(super) mod disc;
 pub(super) mod edges;
 pub(super) mod frame;
-mod group;
+pub(super) mod group;
 pub(super) mod highlights;
 mod kernels;
 pub(super) mod layered;
 mod listed;
 pub(super) mod optical_vignetting;
+pub(super) mod replace;
 pub(super) mod sweep;
 #[cfg(test)]
 mod tests;

@@ -2,7 +2,7 @@ use super::Shader;
 use crate::aperture;
 use crate::gpu::commands::GROUP;
 use crate::gpu::{
-    by_focus, falloff, gaussian, hexagonal, lens, levels, magnify, poisson, resolve, sprites, taps,
+    by_focus, carried, falloff, gaussian, hexagonal, lens, levels, magnify, poisson, resolve, sprites, taps,
 };
 use crate::optics::Measure;
 use crate::plan::lens::Missed;
@@ -17,7 +17,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// All shaders.
-pub const SHADERS: [Shader; 36] = [
+pub const SHADERS: [Shader; 37] = [
     by_focus::BY_FOCUS,
     carried::CARRIED,
     falloff::FALLOFF,
@@ -29,7 +29,8 @@ pub const SHADERS: [Shader; 36] = [
     lens::layered::CELLS,
     lens::layered::SPANS,
     lens::layered::CHANNELS,
-    lens::colors::REPLACE_COLORS,
+    lens::replace::REPLACE_COLORS,
+    lens::group::INTERLEAVE,
     lens::colors::WIDEN,
     lens::colors::SHARPEN,
     lens::disc::SUM_ROWS,
@@ -128,7 +129,7 @@ fn structures_lie_as_in_rust() {
 const STATED_TWICE: [(&str, &str, f64); 18] = [
     ("levels/filter", "GROUP", GROUP as f64),
     ("lens/", "NOWHERE", lens::layered::NOWHERE as f64),
-    ("lens/cells", "NO_PLANES", lens::layered::NO_PLANES as f64),
+    ("lens/", "NO_PLANES", lens::layered::NO_PLANES as f64),
     ("lens/spans", "MOST", (DepthCodes::MAX - 1) as f64),
     ("lens/", "NO_EDGES", lens::edges::NO_EDGES as f64),
     ("lens/", "OF_HOLDOUT", lens::edges::OF_HOLDOUT as f64),
