@@ -6,9 +6,11 @@ import pytest
 from both_devices import (
     CLIPPED,
     FLAWS,
+    HEIGHT,
     LENS_AGREEMENT,
     OPENINGS,
     SCENES,
+    WIDTH,
     assert_agree,
     metric_scene,
     random_color,
@@ -61,6 +63,18 @@ def test_gpu_and_cpu_agree_on_channels(gpu, name, strength_px):
 @pytest.mark.parametrize("name", BRIGHT)
 def test_gpu_and_cpu_agree_on_channels_in_layers(gpu, name):
     layers, depth = BRIGHT[name]
+    channels = channels_of(depth.shape, layers)
+    on_gpu, on_cpu = (led_in_layers(channels, depth, layers, kinds=KINDS, device=d) for d in (gpu, "cpu"))
+    assert_all_agree(on_gpu, on_cpu)
+
+
+def test_layers_in_focus_are_composed_alike(gpu):
+    """What passes a layer is the guide's own, whatever the number of channels."""
+    layers = np.stack([random_color(4), random_color(3).repeat(2, axis=-1)[..., :4]])
+    layers[1, ..., 3] = 1.0
+    layers[0, ..., :3] *= layers[0, ..., 3:]
+    depth = np.zeros((2, HEIGHT, WIDTH), np.float32)
+    depth[1, :, 120:] = -1.0
     channels = channels_of(depth.shape, layers)
     on_gpu, on_cpu = (led_in_layers(channels, depth, layers, kinds=KINDS, device=d) for d in (gpu, "cpu"))
     assert_all_agree(on_gpu, on_cpu)
