@@ -15,6 +15,7 @@ from both_devices import (
     metric_scene,
     random_color,
 )
+from dofsim._dofsim import device_traffic
 from test_channels_in_layers import BRIGHT, SIZE, fog_before_a_ball_before_a_wall
 from test_channels_in_layers import led as led_in_layers
 from test_channels_in_layers import lens as relative_lens
@@ -155,8 +156,6 @@ def test_layers_past_holdouts_in_bands_are_the_same(gpu, restricted):
 
 def test_many_lenses_of_one_scene(gpu):
     """Pictures of a scene are those of renders, and what does not depend on channels is uploaded once."""
-    from dofsim._dofsim import uploaded_bytes
-
     guide, depth = metric_scene(4)
     channels = channels_of(depth.shape, guide)
     options = {"guide": guide, "kinds": KINDS}
@@ -166,10 +165,10 @@ def test_many_lenses_of_one_scene(gpu):
     np.testing.assert_array_equal(stack[1], dofsim.render(channels, depth, lens, device=gpu, **options))
 
     def uploaded(count):
-        before = uploaded_bytes()
+        before = device_traffic()["uploaded_bytes"]
         words = {"guide": guide, "kinds": KINDS[:count], "device": gpu}
         dofsim.render(np.ascontiguousarray(channels[..., :count]), depth, lens, **words)
-        return uploaded_bytes() - before
+        return device_traffic()["uploaded_bytes"] - before
 
     # Channels of the same group: nothing but their planes.
     assert uploaded(4) - uploaded(1) < 3 * 4 * depth.size + 4096
