@@ -3,9 +3,21 @@
 Here every quotient of every shader is one rounding off, up or down.
 """
 
+import dofsim
 import numpy as np
 import pytest
-from both_devices import CASES, CLIPPED, FLAWS, SCENES, assert_agree, flatten, render, through
+from both_devices import (
+    CASES,
+    CLIPPED,
+    FLAWS,
+    SCENES,
+    assert_agree,
+    flatten,
+    metric_scene,
+    random_color,
+    render,
+    through,
+)
 
 
 @pytest.fixture(params=[np.nextafter(np.float32(1), 2), np.nextafter(np.float32(1), 0)], ids=["up", "down"])
@@ -30,6 +42,17 @@ def test_devices_agree_all_the_same(perturbed, method, options, name):
 def test_lenses_agree_all_the_same(perturbed, flaw):
     flaw = {**FLAWS, **CLIPPED}[flaw]
     assert_agree(through(flaw, perturbed, "lens"), through(flaw, "cpu", "lens"), "lens")
+
+
+@pytest.mark.parametrize("flaw", ["breathing", "full"])
+def test_channels_agree_all_the_same(perturbed, flaw):
+    lens = dofsim.Lens(aperture_radius=0.08, focus_distance=3.0, fov=40.0, **{**FLAWS, **CLIPPED}[flaw])
+    guide, depth = metric_scene(4)
+    channels = random_color(4) + guide[..., 1:2]
+    options = {"guide": guide, "kinds": ["light", "light", "matte", "data"]}
+    rendered = [dofsim.render(channels, depth, lens, device=d, **options) for d in (perturbed, "cpu")]
+    for c in range(4):
+        assert_agree(*(one[..., c] for one in rendered), "lens")
 
 
 # The look-ups of "taps" divide only where depth is infinite.

@@ -113,14 +113,14 @@ mod tests {
 
     #[test]
     fn ids_add_up_to_what_is_seen_and_the_most_come_first() {
-        let shares = [share(0, 1.0, 0.25), share(1, 0.75, 0.75)];
+        let shares = [share(0, 1.0, 0.125), share(1, 0.875, 0.75)];
         let ids: [&[f32]; 4] = [&[7.0, 9.0], &[0.25, 0.5], &[8.0, 7.0], &[0.0, 0.25]];
         let mut out = Vec::new();
         append_ids(&shares, &ids, &mut out);
-        assert_eq!(out, [9.0, 0.5, 7.0, 0.5]);
+        assert_eq!(out, [9.0, 0.5, 7.0, 0.375]);
         out.clear();
         append_ids(&shares, &ids[..2], &mut out);
-        assert_eq!(out, [9.0, 1.0]);
+        assert_eq!(out, [9.0, 0.875]);
         out.clear();
         append_ids(&[], &ids, &mut out);
         assert_eq!(out, [0.0; 4]);
