@@ -40,6 +40,15 @@ def test_gpu_and_cpu_agree_on_colors_with_coverage(gpu, method, flaw):
     assert_agree(on_gpu, on_cpu, method)
 
 
+@pytest.mark.parametrize(("strength_px", "views"), [(60.0, 384), (100.0, 256)])
+def test_gpu_and_cpu_agree_on_many_views_of_many_cells(gpu, strength_px, views):
+    color, disparity = (plane[:33, :66] for plane in noise())
+    words = {"strength_px": strength_px, "views": views, "resolution": "full"}
+    on_gpu, again, on_cpu = (render(color, disparity, device, **words) for device in (gpu, gpu, "cpu"))
+    assert_agree(on_gpu, on_cpu, "lens")
+    np.testing.assert_array_equal(again, on_gpu)
+
+
 def covered():
     """Make surfaces of one colour on both sides of the focus, with pixels at their edges that show two."""
     y, x = np.mgrid[:HEIGHT, :WIDTH]

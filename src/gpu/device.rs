@@ -1,6 +1,6 @@
 //! An open adapter: its buffers, pipelines and errors.
 
-use super::adapters::{self, Adapter};
+use super::adapters::{self, Adapter, Kind};
 use super::pace::{Measured, Pace, SUBMISSION, Submissions};
 use super::shader::Shader;
 #[cfg(feature = "test-shaders")]
@@ -31,6 +31,8 @@ pub struct Gpu {
     memory_bytes: Option<u64>,
     /// The memory that it lets be used, in tests of what happens without.
     room_bytes: Option<u64>,
+    /// The turns after which an invocation silently leaves all loops, if it does: software rasterisers do so.
+    pub(super) most_turns: Option<usize>,
     /// The time that a submission should take.
     pub(super) submission: Duration,
     pub(super) pace: Mutex<Pace>,
@@ -129,6 +131,9 @@ fn mebibytes(bytes: u64) -> u64 {
     bytes.div_ceil(1 << 20)
 }
 
+/// The limit of llvmpipe.
+const SOFTWARE_TURNS: usize = 65_535;
+
 /// Number of bytes that one worker copies at a time.
 const COPIED: usize = 1 << 20;
 
@@ -207,6 +212,7 @@ impl Gpu {
             limits,
             memory_bytes: memory_bytes.or(adapter.memory_bytes),
             room_bytes,
+            most_turns: (adapter.kind == Kind::Software).then_some(SOFTWARE_TURNS),
             submission,
             pace: Mutex::default(),
             submissions: Mutex::default(),

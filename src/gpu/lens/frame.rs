@@ -9,8 +9,7 @@ use crate::scene::grid::TILE;
 use crate::scene::layered::LayeredScene;
 
 /// The largest number of loop iterations of an invocation in one pass; more work is divided among passes. So no pass
-/// takes so long that a driver ends it, and the limit of llvmpipe, which silently leaves all loops after 65535
-/// iterations, is never reached.
+/// takes so long that a driver ends it, and the limit of software rasterisers is not reached where all iterations are counted.
 pub const MAX_LOOPS: usize = 40_000;
 /// Rows of a tile that one workgroup renders, with one pixel per invocation.
 pub const GROUP_ROWS: usize = 4;

@@ -1,6 +1,6 @@
 //! Tiles in which visibility has to be resolved for every lens sample.
 
-use super::frame::{LensFrame, MAX_LOOPS, Target, origin, units};
+use super::frame::{GROUP_ROWS, LensFrame, MAX_LOOPS, Target, origin, units};
 use crate::error::Result;
 use crate::gpu::commands::Bound::{Read, Write};
 use crate::gpu::commands::{Commands, pixels};
@@ -28,6 +28,12 @@ pub const ROWS: usize = 16;
 const GROUPS: u32 = TILE.1.div_ceil(ROWS) as u32;
 /// Number of lens samples whose segments a workgroup tests together.
 pub const BATCH: usize = 64;
+/// The segments of a sample that are picked at most.
+pub const CAPACITY: usize = 16;
+/// Rows that one invocation sweeps, channels that it writes at most, and words of a set of depths.
+const ROWS_EACH: usize = ROWS / GROUP_ROWS;
+const MOST_CHANNELS: usize = 4;
+const WORDS: usize = size_of::<DepthBits>() / size_of::<u32>();
 /// A typical number of a sample's segments that contain cells near a tile.
 const FOLLOWED: usize = 20;
 
@@ -244,10 +250,7 @@ impl<'a> Sweep<'a> {
             Write(&self.left_out),
             Write(target.picture),
         ];
-        // An invocation tests all segments of one sample of each batch, and follows the picked segments of all its
-        // samples.
-        let loops_a_batch = self.longest * (2 + 2 * cells.layers) + BATCH * FOLLOWED * (1 + cells.layers);
-        let at_once = (MAX_LOOPS / loops_a_batch).max(1) * BATCH;
+        let at_once = self.samples_at_once(commands.gpu.most_turns);
         let most = plan.sample_sets.keys().copied().max().unwrap_or(0);
         for first_sample in (0..most).step_by(at_once) {
             let of_pass =
@@ -262,5 +265,25 @@ impl<'a> Sweep<'a> {
             commands.tiles(&SWEEP, target.channels, params, &buffers, (&work, GROUPS))?;
         }
         Ok(())
+    }
+
+    /// The number of a tile's samples that one pass follows. `most_turns` are those after which an invocation leaves all loops,
+    /// if it does.
+    fn samples_at_once(&self, most_turns: Option<usize>) -> usize {
+        let (longest, layers) = (self.longest, self.frame.cells.layers);
+        // An invocation tests all segments of one sample of each batch, and follows the picked segments of all its
+        // samples.
+        let tested = longest * (2 + 2 * layers);
+        let batches = MAX_LOOPS / (tested + BATCH * FOLLOWED * (1 + layers));
+        let typical = batches.max(1) * BATCH;
+        most_turns.map_or(typical, |most| {
+            // At worst a sample meets more segments than can be picked, and all others are tested and followed in each layer.
+            // Together its segments have a word of depths each, and one more where a word ends.
+            let followed = 1 + ROWS_EACH + CAPACITY + longest * (2 + layers) + WORDS;
+            let tested = tested + WORDS * (1 + layers);
+            // The same turns for every sample, those of a batch that is begun, and those that write the sums.
+            let turns = most.saturating_sub(tested + ROWS_EACH * MOST_CHANNELS);
+            (turns / (followed + tested.div_ceil(BATCH))).clamp(1, typical)
+        })
     }
 }

@@ -126,7 +126,7 @@ fn structures_lie_as_in_rust() {
 }
 
 /// Constants that both shaders and Rust state: a part of the shader's name, the constant, and Rust's value.
-const STATED_TWICE: [(&str, &str, f64); 18] = [
+const STATED_TWICE: [(&str, &str, f64); 19] = [
     ("levels/filter", "GROUP", GROUP as f64),
     ("lens/", "NOWHERE", lens::layered::NOWHERE as f64),
     ("lens/", "NO_PLANES", lens::layered::NO_PLANES as f64),
@@ -137,6 +137,7 @@ const STATED_TWICE: [(&str, &str, f64); 18] = [
     ("lens/sharpen", "NEVER", Sharpening::Never as u32 as f64),
     ("lens/sweep", "MISSED_NOTHING", Missed::Nothing as u32 as f64),
     ("lens/sweep", "BATCH", lens::sweep::BATCH as f64),
+    ("lens/sweep", "CAPACITY", lens::sweep::CAPACITY as f64),
     ("lens/sweep", "ROWS", (lens::sweep::ROWS / lens::frame::GROUP_ROWS) as f64),
     ("lens/in_focus", "ROUNDING", aperture::ROUNDING as f64),
     ("lens/highlights", "NOT_HIDDEN", lens::highlights::NOT_HIDDEN as f64),
