@@ -24,12 +24,13 @@ LIBPYTHON = $(shell $(WORK)/bin/python -c 'import sysconfig as s, pathlib as p; 
 	found = (d / (v("LDLIBRARY") or "-")).is_file() or v("PYTHONFRAMEWORK"); print(d if found else "")')
 CARGO = PYO3_PYTHON="$(CURDIR)/$(WORK)/bin/python" cargo
 
-.PHONY: help demo docs gallery lenses pictures test properties soak fuzz deny bench clean
+.PHONY: help demo docs gallery lenses passes pictures test properties soak fuzz deny bench clean
 
 help:
 	@echo 'make demo     install into $(DEMO) and render the picture that comes with dofsim into dofsim-demo/'
 	@echo 'make gallery  draw that picture with every method into build/gallery/'
 	@echo 'make lenses   draw that picture through fifteen lenses into build/lenses/'
+	@echo 'make passes   draw all that a compositor gets of one scene into build/passes/'
 	@echo 'make pictures draw the pictures of the documentation anew, in docs/'
 	@echo "make test     check everything, in $(WORK); with EXTRAS='docs torch' documentation and PyTorch, too"
 	@echo 'make docs     build the documentation into build/docs/html/'
@@ -48,6 +49,9 @@ gallery: $(DEMO)/.installed
 
 lenses: $(DEMO)/.installed
 	$(DEMO)/bin/python docs/lenses.py build/lenses
+
+passes: $(DEMO)/.installed
+	$(DEMO)/bin/python docs/passes.py build/passes
 
 pictures: $(WORK)/.installed
 	$(WORK)/bin/python docs/pictures.py

@@ -15,7 +15,7 @@ from PIL import Image
 
 HERE = Path(__file__).parent
 # Their widths in pixels.
-WIDTHS = {"demo.png": 800, "gallery.jpg": 1000, "lenses.jpg": 1122}
+WIDTHS = {"demo.png": 800, "gallery.jpg": 1000, "lenses.jpg": 1122, "passes.jpg": 1122}
 
 
 def draw(folder: Path) -> None:
@@ -28,7 +28,7 @@ def draw(folder: Path) -> None:
     """
     with tempfile.TemporaryDirectory() as made:
         large = {"demo.png": run_demo(Path(made), device="cpu").panel}
-        for name in ("gallery", "lenses"):
+        for name in ("gallery", "lenses", "passes"):
             before, sys.argv = sys.argv, [f"{name}.py", str(Path(made, name))]
             try:
                 runpy.run_path(str(HERE / f"{name}.py"), run_name="__main__")

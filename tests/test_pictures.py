@@ -23,7 +23,7 @@ def made(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("name", ["demo.png", "gallery.jpg", "lenses.jpg"])
+@pytest.mark.parametrize("name", ["demo.png", "gallery.jpg", "lenses.jpg", "passes.jpg"])
 def test_pages_show_what_this_build_makes(made, name):
     shown, now = (np.asarray(image.open(folder / name).convert("RGB"), np.float64) for folder in (DOCS, made))
     assert shown.shape == now.shape
