@@ -129,6 +129,7 @@ pub fn attributes(path: &Path) -> Result<Vec<Attributes>> {
             shared: header.shared_attributes.clone(),
             own: header.own_attributes.clone(),
         };
+        // Flat files are read as their pixels are, which also checks what they say; deep ones cannot be.
         let meta = MetaData::read_from_unbuffered(open(path)?.reader, false)?;
         if meta.requirements.has_deep_data {
             return Ok(meta.headers.iter().map(of).collect());

@@ -12,7 +12,7 @@ pub const NO_EDGES: u32 = u32::MAX;
 /// The same for a holdout.
 pub const OF_HOLDOUT: u32 = u32::MAX - 1;
 /// Pixels that one word has a bit of each for.
-const BITS: usize = 32;
+pub const BITS: usize = 32;
 /// Number of words that one worker makes at a time.
 const PART: usize = 1 << 10;
 

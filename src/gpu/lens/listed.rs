@@ -1,12 +1,11 @@
 //! The cells of a layer that are not the picture's own pixels, as a list in which `shaders/lens/cells.wgsl` looks them up.
 
+use super::edges::BITS;
 use crate::scene::given_layers::is_divided;
 use crate::scene::layer::{Role, SceneLayer};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Pixels that one word has a bit of each for.
-const BITS: usize = 32;
 /// Number of pixels whose cells one worker lists at a time.
 const PART: usize = 1 << 15;
 

@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::gpu::commands::Bound::{Read, Write};
 use crate::gpu::commands::{Commands, pixels};
 use crate::gpu::shader::{Shader, shader, shared};
-use crate::picture::Size;
+use crate::picture::{ChannelGroup, Size};
 use crate::plan::lens::optical_vignetting::PupilClip;
 use crate::plan::lens::ray::Ray;
 use crate::plan::lens::tiles::Work;
@@ -30,9 +30,8 @@ const GROUPS: u32 = TILE.1.div_ceil(ROWS) as u32;
 pub const BATCH: usize = 64;
 /// The segments of a sample that are picked at most.
 pub const CAPACITY: usize = 16;
-/// Rows that one invocation sweeps, channels that it writes at most, and words of a set of depths.
+/// Rows that one invocation sweeps, and words of a set of depths.
 const ROWS_EACH: usize = ROWS / GROUP_ROWS;
-const MOST_CHANNELS: usize = 4;
 const WORDS: usize = size_of::<DepthBits>() / size_of::<u32>();
 /// A typical number of a sample's segments that contain cells near a tile.
 const FOLLOWED: usize = 20;
@@ -58,7 +57,7 @@ shared! {
         origin: [u32; 2],
         first_sample: u32,
         samples: u32,
-        occupied: [u32; 8],
+        occupied: [u32; WORDS],
     }
 }
 
@@ -82,7 +81,7 @@ shared! {
 }
 
 /// A set of depths as words of 32 bits.
-fn depth_words(bits: &DepthBits) -> [u32; 8] {
+fn depth_words(bits: &DepthBits) -> [u32; WORDS] {
     std::array::from_fn(|i| (bits[i / 2] >> (32 * (i % 2))) as u32)
 }
 
@@ -211,7 +210,7 @@ impl<'a> Sweep<'a> {
         };
         let tiles: Vec<Tile> = plan.tiles.iter().filter_map(tile).collect();
         let windows = padded_bounds::windows(&plan.bounds);
-        let windows: Vec<[u32; 8]> = windows.par_iter().map(depth_words).collect();
+        let windows: Vec<[u32; WORDS]> = windows.par_iter().map(depth_words).collect();
         let params = SweepParams {
             size: pixels(cells.size),
             pad: plan.padding.pad.map(|pad| pad as u32),
@@ -282,7 +281,7 @@ impl<'a> Sweep<'a> {
             let followed = 1 + ROWS_EACH + CAPACITY + longest * (2 + layers) + WORDS;
             let tested = tested + WORDS * (1 + layers);
             // The same turns for every sample, those of a batch that is begun, and those that write the sums.
-            let turns = most.saturating_sub(tested + ROWS_EACH * MOST_CHANNELS);
+            let turns = most.saturating_sub(tested + ROWS_EACH * ChannelGroup::MOST);
             (turns / (followed + tested.div_ceil(BATCH))).clamp(1, typical)
         })
     }
