@@ -44,6 +44,22 @@ def test_a_slope_does_not_hide_its_own_lamp(slope, axis):
     assert (inside < 0.3 * np.median(inside)).mean() < 0.005
 
 
+@pytest.mark.parametrize("radius_px", [20, 60, 120])
+@pytest.mark.parametrize("side", [1, 2, 3])
+def test_a_lamp_beside_a_pole_does_not_go_on_behind_it(side, radius_px):
+    # Rays that leave the pole sideways meet the road at other depths; few of them meet what the lamp is on.
+    height, width, first, end = 240, 240, 100, 120
+    from_horizon = (height - np.arange(height)) / height
+    disparity = np.repeat((1 / (3 + 40 * from_horizon**2))[:, None], width, 1)
+    disparity[:, first:end] = 1 / 2
+    row = 180
+    for column in range(end, end + 5):
+        lamps = {(row + i, column + j): 100.0 for i in range(side) for j in range(side)}
+        light = light_of(lamps, disparity.astype(np.float32), 3 * radius_px, 1 / 6, dark=0.05).sum()
+        # Half a pixel of it may be behind the edge.
+        assert light / (side * (side + 0.5) * (100.0 - 0.05)) < 1.01
+
+
 @pytest.mark.parametrize("distance", [0, 2, 8, 20])
 def test_a_lamp_beside_the_border_is_one_disc_cut_off(distance):
     disparity = np.full((100, 140), 0.2, np.float32)

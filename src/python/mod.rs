@@ -84,7 +84,7 @@ pub mod _dofsim {
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
-        module.add("HIGHLIGHT_RATIO", crate::scene::highlights::HIGHLIGHT_RATIO)?;
+        module.add("HIGHLIGHT_RATIO", crate::scene::contrast::HIGHLIGHT_RATIO)?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))
     }
 }

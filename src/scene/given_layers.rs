@@ -7,6 +7,7 @@ use super::depth_spans;
 use super::edges::{self, CONNECTED_PX, EDGE};
 use super::front_layer::FrontLayer;
 use super::half_plane::{self, HalfPlane};
+use super::highlights::Limits;
 use super::inpaint::{self, Hidden, SAME_SURFACE_PX};
 use super::lamps::{lamps, take_lamps_apart};
 use super::layer::{Role, SceneLayer, Surfaces};
@@ -33,7 +34,7 @@ pub fn layers(picture: &Picture, lights: usize, k: f64, simd: Simd, cancel: &Can
     let mut hidden = match Pinhole::new(picture, &built) {
         Some(pinhole) => {
             let groups = seen_channels(groups, &built, &pinhole.seen);
-            pinhole.hidden(lights, Channels { groups: &groups, mixed: &[] }, cancel)?
+            pinhole.hidden(lights, Channels { groups: &groups, mixed: &[] }, simd, cancel)?
         }
         None => Vec::new(),
     };
@@ -78,7 +79,7 @@ pub fn origins(picture: &Picture, lights: usize, k: f64, simd: Simd, cancel: &Ca
             Some(((layer * n + i) as u32, 1.0 / alpha[layer][i]))
         };
         let traced = Traced { pixels: picture.layers.len() * n, of_pixel };
-        let hidden = pinhole.hidden(lights, traced, cancel)?;
+        let hidden = pinhole.hidden(lights, traced, simd, cancel)?;
         layers.push(hidden.into_iter().map(|h| (h.index, h.carried)).collect());
     }
     Ok(Origins { layers, mixed: Vec::new() })
@@ -171,11 +172,17 @@ impl Pinhole<'_> {
     /// What is hidden behind the last surface of each pixel: what the pinhole sees around it continues there, as behind a
     /// single layer. Nothing is found where the layers already have it, nor behind what is only partly there: that is no
     /// surface which hides all.
-    fn hidden<K: Cargo>(&self, lights: usize, cargo: K, cancel: &Cancel) -> Result<Vec<Hidden<K::Load>>> {
+    fn hidden<K: Cargo>(
+        &self,
+        lights: usize,
+        cargo: K,
+        simd: Simd,
+        cancel: &Cancel,
+    ) -> Result<Vec<Hidden<K::Load>>> {
         let Pinhole { picture, built, seen, s, nowhere, connectivity } = self;
         let (size, n) = (picture.size, picture.size.pixels());
         let alpha = picture.coverage();
-        let color = planes_of(size, seen, |layer, i| built[layer].colors.at(i));
+        let color = Arc::new(planes_of(size, seen, |layer, i| built[layer].colors.at(i)));
         let farthest = |i: usize, least: f32| {
             let cells = (0..built.len()).filter(|&layer| alpha[layer][i] >= least);
             cells.map(|layer| built[layer].s[i]).fold(f32::INFINITY, f32::min)
@@ -183,7 +190,8 @@ impl Pinhole<'_> {
         let last = |i: usize| Some(farthest(i, 1.0)).filter(|s| s.is_finite()).unwrap_or(*nowhere);
         let last: Vec<f32> = (0..n).into_par_iter().map(last).collect();
         let frame = FrontLayer::new(size, lights, &color, s, connectivity);
-        let found = inpaint::hidden(&frame, &last, &[], cargo, cancel)?;
+        let limits = Limits::new(size, &Colors::new(size, Arc::clone(&color)), simd);
+        let found = inpaint::hidden(&frame, &last, &[], &limits, cargo, cancel)?;
         let is_new =
             |h: &Hidden<K::Load>| h.color[size.channels - 1] > 0.0 && h.s <= last[h.index] - CONNECTED_PX;
         // Cells that are only partly there keep their place in front.

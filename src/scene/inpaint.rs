@@ -7,6 +7,7 @@
 use super::edges::{self, CONNECTED_PX, EDGE};
 use super::front_layer::FrontLayer;
 use super::grid::BLOCK;
+use super::highlights::Limits;
 use super::matting::MixedPixel;
 use super::recipe::{Cargo, Source};
 use crate::cancel::Cancel;
@@ -51,6 +52,8 @@ struct Exit {
     distance: f32,
     s: f32,
     color: [f32; 4],
+    /// The part of its light that continues behind the foreground.
+    light: f32,
     source: Source,
 }
 
@@ -158,6 +161,7 @@ struct Surfaces<'a> {
     mixed: &'a [MixedPixel],
     /// See [`edges::distance_to_edges`].
     edge_distance: &'a [u8],
+    limits: &'a Limits,
 }
 
 impl Surfaces<'_> {
@@ -202,8 +206,9 @@ impl Surfaces<'_> {
                 if s[here] <= s_start - CONNECTED_PX {
                     let uncovered = step.distance <= s_start - s[here] + origin.margin_px;
                     let exit = || {
-                        let (color, source) = self.pure_beyond(origin, here, &ray[k..]);
-                        Exit { distance: step.distance, s: s[here], color, source }
+                        let (color, source, index) = self.pure_beyond(origin, here, &ray[k..]);
+                        let light = self.limits.going_on(&color, index);
+                        Exit { distance: step.distance, s: s[here], color, light, source }
                     };
                     return uncovered.then(exit);
                 }
@@ -212,19 +217,20 @@ impl Surfaces<'_> {
         }
     }
 
-    /// The colour of the first unmixed pixel beyond a silhouette, or else the background colour of the exit pixel.
-    fn pure_beyond(&self, origin: Origin, exit: usize, ray: &[Step]) -> ([f32; 4], Source) {
+    /// The colour of the first unmixed pixel beyond a silhouette, or else the background colour of the exit pixel, and the
+    /// index of that pixel.
+    fn pure_beyond(&self, origin: Origin, exit: usize, ray: &[Step]) -> ([f32; 4], Source, usize) {
         let FrontLayer { s, connectivity, .. } = *self.frame;
         let beyond = ray.iter().take(BEYOND_EDGE).map_while(|step| self.at(origin, step));
         let pure = beyond
             .take_while(|&q| (s[q] - s[exit]).abs() < SAME_SURFACE_PX)
             .find(|&q| connectivity[q] & EDGE == 0);
-        let of_pixel = |q: usize| (self.frame.color_at(q), Source::Pixel(q));
+        let of_pixel = |q: usize| (self.frame.color_at(q), Source::Pixel(q), q);
         match pure {
             Some(q) => of_pixel(q),
             None => {
                 let mixed = self.mixed(exit);
-                mixed.map_or_else(|| of_pixel(exit), |(i, mixed)| (mixed.back, Source::Behind(i)))
+                mixed.map_or_else(|| of_pixel(exit), |(i, mixed)| (mixed.back, Source::Behind(i), exit))
             }
         }
     }
@@ -251,23 +257,29 @@ fn merge<C: Cargo>(exits: &[Exit], lights: usize, cargo: &C) -> Option<Found<C::
     let surface = surface_of(exits)?;
     let on_surface = |h: &&Exit| (h.s - surface).abs() < SAME_SURFACE_PX;
 
-    // A highlight that one ray happens to meet must not be smeared over the whole hidden region.
-    let brightness = |h: &Exit| h.color[..lights].iter().sum::<f32>();
+    let color_of = |h: &Exit| {
+        let mut color = h.color;
+        color[..lights].iter_mut().for_each(|c| *c *= h.light);
+        color
+    };
+    // What is bright for one ray alone must not be smeared over the whole hidden region.
+    let brightness = |h: &Exit| color_of(h)[..lights].iter().sum::<f32>();
     let (mut all, mut n) = ([0.0; DIRECTIONS], 0);
     for h in exits.iter().filter(on_surface) {
         all[n] = brightness(h);
         n += 1;
     }
     let (_, median, _) = all[..n].select_nth_unstable_by(n / 2, f32::total_cmp);
-    let limit = 4.0 * median.max(f32::MIN_POSITIVE);
-    let kept = || exits.iter().filter(on_surface).filter(|h| brightness(h) <= limit);
+    let median = median.max(f32::MIN_POSITIVE);
+    // All of what is up to twice as bright as the median, and nothing from four times on.
+    let typical = |h: &Exit| (2.0 - brightness(h) / (2.0 * median)).clamp(0.0, 1.0);
+    let weighed = || exits.iter().filter(on_surface).map(|h| (h, typical(h) / h.distance));
 
     let (mut weight, mut s, mut color) = (0.0, 0.0, [0.0; 4]);
-    for h in kept() {
-        let w = 1.0 / h.distance;
+    for (h, w) in weighed() {
         weight += w;
         s += w * h.s;
-        for (sum, c) in color.iter_mut().zip(h.color) {
+        for (sum, c) in color.iter_mut().zip(color_of(h)) {
             *sum += w * c;
         }
     }
@@ -275,7 +287,8 @@ fn merge<C: Cargo>(exits: &[Exit], lights: usize, cargo: &C) -> Option<Found<C::
         return None;
     }
     let mut carried = cargo.nothing();
-    kept().for_each(|h| cargo.add(&mut carried, 1.0 / h.distance / weight, h.source));
+    let weighed = weighed().filter(|(_, w)| *w > 0.0);
+    weighed.for_each(|(h, w)| cargo.add(&mut carried, w / weight, h.light, h.source));
     Some(Found { s: s / weight, color: color.map(|c| c / weight), carried })
 }
 
@@ -340,7 +353,7 @@ impl<C: Cargo> Search<'_, C> {
         }
         let from_border = x.min(frame.size.width - 1 - x).min(y).min(frame.size.height - 1 - y);
         let origin = Origin { x, y, index, inside: from_border > self.reach, margin_px };
-        let none = Exit { distance: 0.0, s: 0.0, color: [0.0; 4], source: Source::Pixel(index) };
+        let none = Exit { distance: 0.0, s: 0.0, color: [0.0; 4], light: 1.0, source: Source::Pixel(index) };
         let mut exits = [none; DIRECTIONS];
         let mut found = 0;
         for ray in &self.rays {
@@ -433,6 +446,7 @@ pub fn hidden<C: Cargo>(
     frame: &FrontLayer,
     hiding: &[f32],
     mixed: &[MixedPixel],
+    limits: &Limits,
     cargo: C,
     cancel: &Cancel,
 ) -> Result<Vec<Hidden<C::Load>>> {
@@ -445,7 +459,7 @@ pub fn hidden<C: Cargo>(
     let rays = rays(reach, width);
 
     let edge_distance = edges::distance_to_edges(frame.connectivity, width);
-    let around = Surfaces { frame, mixed, edge_distance: &edge_distance };
+    let around = Surfaces { frame, mixed, edge_distance: &edge_distance, limits };
 
     let farthest: Vec<_> = (0..blocks.edge_s.len())
         .into_par_iter()
@@ -487,9 +501,12 @@ pub fn hidden<C: Cargo>(
 
 #[cfg(test)]
 mod tests {
+    use super::super::colors::Colors;
     use super::super::recipe::Channels;
     use super::*;
     use crate::picture::Size;
+    use crate::simd::Simd;
+    use std::sync::Arc;
 
     const SIDE: usize = BLOCK / SPACINGS_PX[0] + 1;
 
@@ -551,7 +568,9 @@ mod tests {
         let connectivity = edges::connectivity(&s, side, side);
         let size = Size { width: side, height: side, channels: 1 };
         let frame = FrontLayer::new(size, 1, &color, &s, &connectivity);
-        let hidden = hidden(&frame, &s, &[], NOTHING, &Cancel::default()).unwrap();
+        let colors = Colors::new(size, Arc::new(color.iter().copied().collect()));
+        let limits = Limits::new(size, &colors, Simd::PORTABLE);
+        let hidden = hidden(&frame, &s, &[], &limits, NOTHING, &Cancel::default()).unwrap();
         let mut found = vec![None; side * side];
         hidden.iter().for_each(|h| found[h.index] = Some((h.s, h.color[0])));
         for i in (0..side * side).filter(|i| is_front(*i)) {

@@ -4,10 +4,10 @@
 //! A pixel on a silhouette holds `C = a F + (1 - a) B` but one depth only. Unless both are separated, a single disc
 //! carries the mixture; one such pixel on the rim of a bright lamp contaminates its whole neighbourhood.
 
+use super::contrast::HIGHLIGHT_RATIO;
 use super::edges::{self, CONNECTED_PX, EDGE};
 use super::front_layer::{FrontLayer, Surface, sub};
 use super::grid::BLOCK;
-use super::highlights::HIGHLIGHT_RATIO;
 use super::layer::SceneLayer;
 use super::recipe::{PureSource, Recipe, toward};
 use crate::cancel::Cancel;
@@ -328,7 +328,7 @@ impl Split {
             coverage: self.coverage,
             s_back: toward(s, s_back),
             back: colored(self.back),
-            recipe: Recipe { front, back, rest_to_front: self.rest_to_front, strength },
+            recipe: Recipe { front, back, rest_to_front: self.rest_to_front, strength, back_light: 1.0 },
         }
     }
 }

@@ -2,14 +2,18 @@
 //!
 //! In the order of the work: [`depth_noise`] takes the noise out of the depths, which become [`shifts`], and [`edges`] finds
 //! depth discontinuities. Of [`one_layer`], [`matting`] separates the two surfaces of edge pixels of the [`front_layer`]
-//! into [`mixed_cells`], and [`inpaint`] fills the surfaces that the foreground hides. [`given_layers`] have surfaces of
-//! their own, and [`lamps`] are taken apart there. [`carried`] takes other channels the same way, [`holdouts`] come between
-//! them, and [`layered`] holds the result. [`depth_spans`] and [`depth_bounds`] bound the depths that occur, and
-//! [`highlights`] finds the bright cells.
+//! into [`mixed_cells`], and [`inpaint`] fills the surfaces that the foreground hides; behind both, lamps have their
+//! [`lamp_ends`]. [`given_layers`] have surfaces of their own, and [`lamps`] are taken apart there. [`carried`] takes other
+//! channels the same way, [`holdouts`] come between them, and [`layered`] holds the result. [`depth_spans`] and
+//! [`depth_bounds`] bound the depths that occur, and [`highlights`] finds the bright cells, by the [`block_light`] around and
+//! by their [`crowding`], and tells the [`contrast`] of what they leave.
 
+pub(crate) mod block_light;
 pub(crate) mod carried;
 pub(crate) mod coarser;
 pub(crate) mod colors;
+pub(crate) mod contrast;
+pub(crate) mod crowding;
 pub(crate) mod depth_bounds;
 pub(crate) mod depth_codes;
 mod depth_noise;
@@ -22,6 +26,7 @@ pub(crate) mod half_plane;
 pub(crate) mod highlights;
 mod holdouts;
 mod inpaint;
+mod lamp_ends;
 mod lamps;
 pub(crate) mod layer;
 pub(crate) mod layered;

@@ -6,7 +6,9 @@ use super::depth_noise::without_noise;
 use super::edges;
 use super::front_layer::FrontLayer;
 use super::half_plane::HalfPlane;
+use super::highlights::Limits;
 use super::inpaint::{self, Hidden};
+use super::lamp_ends::end_lamps;
 use super::layer::{Role, SceneLayer, Surfaces};
 use super::matting::{MixedPixel, Separated, unmix};
 use super::mixed_cells::{half_planes, split};
@@ -35,13 +37,16 @@ pub fn layers(
     let (size, groups) = (picture.size, &picture.carried[..]);
     let surface = FrontSurface::new(size, layer, k, simd);
     let frame = surface.frame(picture, layer, lights);
-    let mixed = unmix(&frame, Separated::All, cancel)?;
+    let mut mixed = unmix(&frame, Separated::All, cancel)?;
     let given = groups.iter().map(|group| Colors::new(group.size, Arc::clone(&group.layers[0]))).collect();
     if mixed.is_empty() {
         return Ok(surface.alone(picture, given));
     }
+    let limits = limits(picture, simd);
+    end_lamps(&mut mixed, &frame, &limits);
     let values = carried::of_mixed(&frame, &mixed, groups);
-    let hidden = inpaint::hidden(&frame, &surface.s, &mixed, Channels { groups, mixed: &values }, cancel)?;
+    let channels = Channels { groups, mixed: &values };
+    let hidden = inpaint::hidden(&frame, &surface.s, &mixed, &limits, channels, cancel)?;
     let partial = half_planes(&frame, &mixed);
     let in_front = carried::in_front(given, &mixed, &values);
     let behind = carried::behind(groups, &mixed, &values, &hidden);
@@ -59,14 +64,16 @@ pub fn layers_with_origins(
     let layer = &picture.layers[0];
     let surface = FrontSurface::new(picture.size, layer, k, simd);
     let frame = surface.frame(picture, layer, lights);
-    let mixed = unmix(&frame, Separated::All, cancel)?;
+    let mut mixed = unmix(&frame, Separated::All, cancel)?;
     if mixed.is_empty() {
         return Ok((surface.alone(picture, Vec::new()), Origins::default()));
     }
+    let limits = limits(picture, simd);
+    end_lamps(&mut mixed, &frame, &limits);
     let of_mixed = origins::of_mixed(&frame, &mixed);
     let pixels = picture.size.pixels();
     let traced = Traced { pixels, of_pixel: |q| Some((q as u32, 1.0)) };
-    let hidden = inpaint::hidden(&frame, &surface.s, &mixed, traced, cancel)?;
+    let hidden = inpaint::hidden(&frame, &surface.s, &mixed, &limits, traced, cancel)?;
     let partial = half_planes(&frame, &mixed);
     let surfaces = surface.separated(picture, (&mixed, partial), &hidden, [Vec::new(), Vec::new()]);
     let (mut in_front, mut behind) = (Vec::new(), Vec::new());
@@ -82,6 +89,11 @@ pub fn layers_with_origins(
     }
     behind.extend(hidden.into_iter().map(|h| (h.index, h.carried)));
     Ok((surfaces, Origins { layers: vec![in_front, behind], mixed: of_mixed }))
+}
+
+/// How bright its pixels may be without highlights.
+fn limits(picture: &Picture, simd: Simd) -> Limits {
+    Limits::new(picture.size, &Colors::new(picture.size, Arc::clone(&picture.layers[0].color)), simd)
 }
 
 /// The visible surface of a picture of one layer.

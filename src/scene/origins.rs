@@ -81,7 +81,8 @@ impl<P: Fn(usize) -> Option<(u32, f32)> + Sync> Cargo for Traced<P> {
         Origin::new()
     }
 
-    fn add(&self, sum: &mut Origin, weight: f32, source: Source) {
+    fn add(&self, sum: &mut Origin, weight: f32, light: f32, source: Source) {
+        let weight = weight * light;
         match source {
             Source::Pixel(q) => sum.extend((self.of_pixel)(q).map(|(q, own)| (q, weight * own))),
             Source::Behind(i) => sum.push((number_of_mixed(self.pixels, i, 1), weight)),

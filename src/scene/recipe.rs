@@ -22,6 +22,8 @@ pub struct Recipe {
     pub rest_to_front: f32,
     /// How far the pixel is separated.
     pub strength: f32,
+    /// The part of the light behind that stays there; see [`lamp_ends`](super::lamp_ends).
+    pub back_light: f32,
 }
 
 impl Recipe {
@@ -51,7 +53,21 @@ impl Recipe {
                 ]
             }
         };
-        ends.map(|end| std::array::from_fn(|c| toward(self.strength, own[c], end[c])))
+        let ends = ends.map(|end| std::array::from_fn(|c| toward(self.strength, own[c], end[c])));
+        match weighting {
+            Weighting::Mean => ends,
+            Weighting::Light => self.end(coverage, ends),
+        }
+    }
+
+    /// The light in front and behind, without what does not stay behind. What the pixel shows of that is in front instead, so
+    /// that both surfaces together look as they did.
+    pub fn end(&self, coverage: f32, [front, back]: [[f32; 4]; 2]) -> [[f32; 4]; 2] {
+        if self.back_light == 1.0 {
+            return [front, back];
+        }
+        let moved = (1.0 - self.back_light) * (1.0 - coverage) / coverage;
+        [std::array::from_fn(|c| front[c] + moved * back[c]), back.map(|v| self.back_light * v)]
     }
 }
 
@@ -76,8 +92,8 @@ pub trait Cargo: Sync {
     /// A load to which nothing has been added.
     fn nothing(&self) -> Self::Load;
 
-    /// Adds a source.
-    fn add(&self, sum: &mut Self::Load, weight: f32, source: Source);
+    /// Adds a source; of its light this part.
+    fn add(&self, sum: &mut Self::Load, weight: f32, light: f32, source: Source);
 
     /// Adds what others have brought.
     fn add_load(sum: &mut Self::Load, weight: f32, load: &Self::Load);
@@ -98,11 +114,15 @@ impl Cargo for Channels<'_> {
         vec![[0.0; 4]; self.groups.len()]
     }
 
-    fn add(&self, sum: &mut Vec<[f32; 4]>, weight: f32, source: Source) {
+    fn add(&self, sum: &mut Vec<[f32; 4]>, weight: f32, light: f32, source: Source) {
         for (g, (sum, group)) in sum.iter_mut().zip(self.groups).enumerate() {
             let values = match source {
                 Source::Pixel(q) => group.at(q),
                 Source::Behind(i) => self.mixed[i * self.groups.len() + g][1],
+            };
+            let weight = match group.weighting {
+                Weighting::Light => weight * light,
+                Weighting::Mean => weight,
             };
             sum.iter_mut().zip(values).for_each(|(sum, v)| *sum += weight * v);
         }

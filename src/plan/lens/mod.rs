@@ -19,6 +19,7 @@ pub(crate) mod tiles;
 use crate::aperture::Aperture;
 use crate::error::{Result, value_error};
 use crate::optics::{Imaging, Optics, SecondStop, Transverse};
+use crate::scene::contrast::Contrast;
 use crate::scene::depth_bounds::DepthBounds;
 use crate::scene::layered::LayeredScene;
 use crate::simd::Simd;
@@ -171,9 +172,8 @@ impl Plan {
         let bounds = padded_bounds::padded(&scene.bounds, &padding);
         // The samples draw highlights as well, but for what is taken out of the scene.
         let left = (reach_px + all.offset_px > in_focus::IN_FOCUS_PX).then(|| scene.highlights(simd));
-        let left = left.filter(|found| found.left.iter().any(|left| *left > 1.0));
-        let brightness =
-            left.map(|found| padded_bounds::greatest(&found.left, scene.bounds.across, &padding));
+        let left = left.filter(|found| !found.left.iter().all(Contrast::is_even));
+        let contrast = left.map(|found| padded_bounds::contrast(&found.left, scene.bounds.across, &padding));
         let inputs = tiles::Inputs {
             padding: &padding,
             codes: &scene.codes,
@@ -181,7 +181,7 @@ impl Plan {
             s_focus,
             second_stop: settings.second_stop.as_ref(),
             reaches: reaches.as_ref(),
-            brightness: brightness.as_deref(),
+            contrast: contrast.as_deref(),
         };
         let tiles = tiles::plan(&inputs, origins, count_samples);
         let sample_sets = sample_sets(&tiles, &settings.aperture);

@@ -1,6 +1,7 @@
 //! The [bounds of depth](crate::scene::depth_bounds) of the padded frame.
 
 use super::padding::Padding;
+use crate::scene::contrast::{Contrast, Light};
 use crate::scene::depth_bounds::{DepthBits, DepthBounds, unite};
 use crate::scene::grid::{BLOCK, TILE};
 
@@ -17,12 +18,14 @@ fn shown(padding: &Padding) -> [Vec<(usize, usize)>; 2] {
     [columns, along(padding.rows, &|py| padding.row(py).0)]
 }
 
-/// For each padded block, the greatest of the values of the blocks that it shows, of which there are `across` in a row.
-pub fn greatest(values: &[f32], across: usize, padding: &Padding) -> Vec<f32> {
+/// The contrast of each padded block: that of the blocks that it shows, of which there are `across` in a row.
+pub fn contrast(of: &[Contrast], across: usize, padding: &Padding) -> Vec<Contrast> {
     let [columns, rows] = &shown(padding);
     let of_blocks = |(rows, columns): (&(usize, usize), &(usize, usize))| {
-        let row = |y: usize| &values[y * across + columns.0..=y * across + columns.1];
-        (rows.0..=rows.1).flat_map(row).fold(f32::NEG_INFINITY, |most, value| most.max(*value))
+        let row = |y: usize| &of[y * across + columns.0..=y * across + columns.1];
+        let mut all = Contrast::even(Light::default());
+        (rows.0..=rows.1).flat_map(row).for_each(|one| all.unite(one));
+        all
     };
     rows.iter().flat_map(|rows| columns.iter().map(move |columns| (rows, columns))).map(of_blocks).collect()
 }

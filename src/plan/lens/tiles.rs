@@ -5,6 +5,7 @@ use super::in_focus::IN_FOCUS_PX;
 use super::padding::Padding;
 use crate::optics::SecondStop;
 use crate::rows::ITEMS_PER_TASK;
+use crate::scene::contrast::{Contrast, Light};
 use crate::scene::depth_bounds::{DepthBits, DepthBounds};
 use crate::scene::depth_codes::DepthCodes;
 use crate::scene::grid::{BLOCK, TILE};
@@ -107,9 +108,8 @@ pub struct Inputs<'a> {
     pub second_stop: Option<&'a SecondStop>,
     /// Set if the lens has aberrations that change where rays land.
     pub reaches: Option<&'a Reaches>,
-    /// For each padded block, how many times as bright as a highlight begins to be what is left to the sweep is; none if all
-    /// are 1.
-    pub brightness: Option<&'a [f32]>,
+    /// The contrast of each padded block; none if all are even.
+    pub contrast: Option<&'a [Contrast]>,
 }
 
 /// The padded blocks that come within `margin` pixels of the tile at `origin`.
@@ -143,7 +143,7 @@ pub fn plan(
     origins: Vec<(usize, usize)>,
     count_samples: impl Fn(f64, f32) -> usize + Sync,
 ) -> Vec<Tile> {
-    let Inputs { padding, codes, bounds, s_focus, second_stop, reaches, brightness } = *inputs;
+    let Inputs { padding, codes, bounds, s_focus, second_stop, reaches, contrast } = *inputs;
     let shift = |code: u16| codes.decode(f64::from(code)) - s_focus;
     let block_reach: Vec<f64> = bounds
         .range
@@ -158,7 +158,8 @@ pub fn plan(
         let (x0, y0) = (origin.0 + padding.pad[0], origin.1 + padding.pad[1]);
         let (x1, y1) = (x0 + TILE.0, y0 + TILE.1);
         let mut occupied = [0u64; 4];
-        let (mut reach, mut steepest, mut brightest) = (0.0f64, Some(0u16), 1.0f32);
+        let (mut reach, mut steepest) = (0.0f64, Some(0u16));
+        let (mut light, mut uneven) = (Light::default(), Vec::<&Contrast>::new());
         let aberrations = reaches.map_or(Bounds::default(), |reaches| reaches.of_tile(origin));
         let offset = aberrations.offset_px;
         for (bx, by) in blocks_around(padding, origin, (largest + offset) as usize + 2) {
@@ -177,7 +178,10 @@ pub fn plan(
                 }
             }
             reach = reach.max(block_reach[b]);
-            brightest = brightness.map_or(1.0, |brightness| brightest.max(brightness[b]));
+            if let Some(contrast) = contrast.map(|contrast| &contrast[b]) {
+                light.add(&contrast.light);
+                uneven.extend((!contrast.is_even()).then_some(contrast));
+            }
             steepest = steepest.zip(bounds.smooth[b]).map(|(a, b)| a.max(b));
         }
         let one_surface = steepest.filter(|_| second_stop.is_none());
@@ -188,6 +192,8 @@ pub fn plan(
         // What is as through a thin lens may take the shorter ways.
         let thin = aberrations.thin(reach);
         let [disc, in_focus] = if reach <= IN_FOCUS_PX { [0.0, thin] } else { [thin * disc, 0.0] };
+        let limit = light.limit();
+        let brightest = uneven.iter().map(|contrast| contrast.times(limit)).fold(1.0, f32::max);
         let samples = count_samples(reach.hypot(aberrations.spread_px), brightest);
         let work = match (in_focus, disc) {
             (1.0, _) => Work::InFocus,
