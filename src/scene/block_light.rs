@@ -1,17 +1,25 @@
 //! The light of the blocks of a frame, and how bright a cell has to be there to be a highlight.
 
 use super::colors::Colors;
-use super::contrast::Light;
+use super::contrast::{Light, light_channels};
 use super::crowding::Crowd;
 use super::grid::BLOCK;
-use super::highlights::light_channels;
 use crate::picture::Size;
 use crate::rows::greater;
 use crate::simd::Simd;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Number of blocks on each side whose mean is taken for the surroundings.
 const AROUND: usize = 2;
+/// Number of blocks on each side whose bright cells are counted together, 400 pixels in all: a lamp of a hundred pixels is few of
+/// these, and a bright wall many.
+const COUNTED: usize = 12;
+
+/// The range of `around` on each side of `i`, of `n`.
+fn near(i: usize, around: usize, n: usize) -> Range<usize> {
+    i.saturating_sub(around)..(i + around + 1).min(n)
+}
 
 /// The light of a colour that is above a limit, channel by channel: none up to the limit, and continuous from there on.
 pub fn above(color: &[f32; 4], limit: &[f32; 4], lights: usize) -> [f32; 4] {
@@ -28,7 +36,7 @@ pub struct BlockLight {
     /// The greatest value of each channel.
     brightest: Vec<[f32; 4]>,
     /// The number of channels that hold light.
-    lights: usize,
+    pub lights: usize,
     /// The value of each channel above which a cell is a highlight. Channels do not know of one another.
     pub limit: Vec<[f32; 4]>,
 }
@@ -74,8 +82,8 @@ impl BlockLight {
     /// The blocks around a block, including the block itself.
     fn blocks_around(&self, b: usize) -> impl Iterator<Item = usize> + use<> {
         let (bx, by, across) = (b % self.across, b / self.across, self.across);
-        let columns = bx.saturating_sub(AROUND)..(bx + AROUND + 1).min(across);
-        let rows = by.saturating_sub(AROUND)..(by + AROUND + 1).min(self.down);
+        let columns = near(bx, AROUND, across);
+        let rows = near(by, AROUND, self.down);
         rows.flat_map(move |y| columns.clone().map(move |x| y * across + x))
     }
 
@@ -94,26 +102,37 @@ impl BlockLight {
         bright: &[usize],
         limit: impl Fn(usize) -> [f32; 4] + Sync,
     ) -> Vec<[f32; 4]> {
-        let mut crowds = vec![Crowd::default(); self.light.len()];
+        let mut crowds: Vec<Crowd> = self.light.iter().map(|light| Crowd::dark(light.cells)).collect();
         for &index in bright {
             let (b, color) = (self.block_of(index), colors.at(index));
             let limit = limit(b);
             let times = (0..self.lights).map(|c| color[c] / limit[c].max(f32::MIN_POSITIVE));
             crowds[b].count(times.fold(1.0, f32::max));
         }
-        let crowding = |b: usize| {
-            let (mut crowd, mut cells) = (Crowd::default(), 0.0);
-            for b in self.blocks_around(b) {
-                crowd.add(&crowds[b]);
-                cells += self.light[b].cells;
-            }
-            crowd.raises(cells)
+        let (across, down) = (self.across, self.down);
+        let sum = |crowds: &[Crowd], blocks: &mut dyn Iterator<Item = usize>| {
+            blocks.fold(Crowd::dark(0.0), |mut all, b| {
+                all.add(&crowds[b]);
+                all
+            })
+        };
+        let in_rows: Vec<Crowd> = if bright.is_empty() {
+            Vec::new()
+        } else {
+            let in_row = |b: usize| {
+                sum(&crowds, &mut near(b % across, COUNTED, across).map(|x| b / across * across + x))
+            };
+            (0..crowds.len()).into_par_iter().map(in_row).collect()
         };
         let of_block = |b: usize| {
-            let raises = if crowds[b].is_empty() { 1.0 } else { crowding(b) };
+            if crowds[b].is_dark() {
+                return limit(b);
+            }
+            let crowd = sum(&in_rows, &mut near(b / across, COUNTED, down).map(|y| y * across + b % across));
+            let raises = crowd.raises();
             limit(b).map(|limit| raises * limit)
         };
-        (0..self.light.len()).into_par_iter().map(of_block).collect()
+        (0..crowds.len()).into_par_iter().map(of_block).collect()
     }
 
     /// The limits that follow from the light of the blocks.

@@ -1,10 +1,16 @@
 //! Contrast: how far single cells, with what highlights leave of their light, outshine what is around.
 
+use crate::picture::Size;
 use std::array::from_fn;
 
 /// A cell is a highlight by what it has above this many times its surroundings. At this limit, one lens sample of 512
 /// that appears or disappears changes a pixel of the disc by one hundredth of the surroundings.
 pub const HIGHLIGHT_RATIO: f32 = 5.0;
+
+/// Number of channels that hold light: the last of two or four is coverage, which has no brightness.
+pub fn light_channels(size: Size) -> usize {
+    if size.channels == 2 { 1 } else { size.channels.min(3) }
+}
 
 /// The light of some cells. Negative values, as filters leave them, count as much as positive ones.
 #[derive(Clone, Copy, Default)]

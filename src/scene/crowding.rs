@@ -14,37 +14,47 @@ const STEPS: usize = 26;
 /// So many halvings of the range of limits leave nothing that an `f32` could tell.
 const HALVINGS: usize = 36;
 
-/// How many cells of some blocks are bright, by how many times as bright as the limit they are.
-#[derive(Clone, Copy, Default)]
-pub struct Crowd([f32; STEPS]);
+/// How many cells of some blocks are bright, by how many times as bright as the limit they are, of how many in all.
+#[derive(Clone, Copy)]
+pub struct Crowd {
+    bright: [f32; STEPS],
+    cells: f32,
+}
 
 impl Crowd {
+    /// So many cells, none of them bright.
+    pub fn dark(cells: f32) -> Crowd {
+        Crowd { bright: [0.0; STEPS], cells }
+    }
+
     /// Counts a cell: between two steps, in part for each.
     pub fn count(&mut self, times: f32) {
         let place = (PER_DOUBLING * times.log2()).clamp(0.0, (STEPS - 1) as f32);
         let step = (place as usize).min(STEPS - 2);
         let part = place - step as f32;
-        self.0[step] += 1.0 - part;
-        self.0[step + 1] += part;
+        self.bright[step] += 1.0 - part;
+        self.bright[step + 1] += part;
     }
 
     pub fn add(&mut self, other: &Crowd) {
-        self.0.iter_mut().zip(other.0).for_each(|(count, other)| *count += other);
+        self.bright.iter_mut().zip(other.bright).for_each(|(count, other)| *count += other);
+        self.cells += other.cells;
     }
 
-    pub fn is_empty(&self) -> bool {
-        self.0 == [0.0; STEPS]
+    /// Whether no cell is bright.
+    pub fn is_dark(&self) -> bool {
+        self.bright == [0.0; STEPS]
     }
 
     /// How many cells are above a limit that is raised so many times.
     fn above(&self, raised: f32) -> f32 {
         let step = |(i, count): (usize, &f32)| count * share_above((i as f32 / PER_DOUBLING).exp2(), raised);
-        self.0.iter().enumerate().map(step).sum()
+        self.bright.iter().enumerate().map(step).sum()
     }
 
-    /// How many times the limit is raised, of so many cells in all.
-    pub fn raises(&self, cells: f32) -> f32 {
-        let raised_to = |raised: f32| 1.0 + (self.above(raised) / (MANY * cells)).powi(2);
+    /// How many times the limit is raised.
+    pub fn raises(&self) -> f32 {
+        let raised_to = |raised: f32| 1.0 + (self.above(raised) / (MANY * self.cells)).powi(2);
         let (mut lo, mut hi) = (1.0, 1.0 + MANY.recip().powi(2));
         for _ in 0..HALVINGS {
             let middle = 0.5 * (lo + hi);
@@ -66,11 +76,11 @@ mod tests {
     use super::*;
 
     fn raised(cells: &[(f32, f32)]) -> f32 {
-        let mut crowd = Crowd::default();
+        let mut crowd = Crowd::dark(6400.0);
         for &(times, count) in cells {
             (0..count as usize).for_each(|_| crowd.count(times));
         }
-        crowd.raises(6400.0)
+        crowd.raises()
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::block_light::{BlockLight, above};
 use super::colors::{CellColor, Colors};
-use super::contrast::{Contrast, HIGHLIGHT_RATIO, Light};
+use super::contrast::{Contrast, HIGHLIGHT_RATIO, Light, light_channels};
 use super::grid::BLOCK;
 use super::layer::SceneLayer;
 use crate::mirror::mirrored;
@@ -11,11 +11,6 @@ use crate::rows::{greater, mix};
 use crate::simd::Simd;
 use rayon::prelude::*;
 use std::ops::RangeInclusive;
-
-/// Number of channels that hold light: the last of two or four is coverage, which has no brightness.
-pub fn light_channels(size: Size) -> usize {
-    if size.channels == 2 { 1 } else { size.channels.min(3) }
-}
 
 /// A highlight, whatever is in focus.
 #[derive(Clone, Copy)]
@@ -95,9 +90,11 @@ impl Limits {
     /// The part of the light of a pixel's colour that goes on beside it: all of it up to the limit. Twice as bright and more, it is
     /// a highlight, which ends there, and what goes on are its surroundings, from which the limit was taken.
     pub fn going_on(&self, color: &[f32; 4], index: usize) -> f32 {
-        let lights = light_channels(self.light.size);
-        let excess = above(color, &self.raised[self.light.block_of(index)], lights);
-        let outshining = outshining(color, &excess, lights);
+        let excess = above(color, &self.raised[self.light.block_of(index)], self.light.lights);
+        if excess == [0.0; 4] {
+            return 1.0;
+        }
+        let outshining = outshining(color, &excess, self.light.lights);
         (1.0 - outshining) * mix(1.0, HIGHLIGHT_RATIO.recip(), (2.0 * outshining).min(1.0))
     }
 }

@@ -51,8 +51,8 @@ struct Found<L> {
 struct Exit {
     distance: f32,
     s: f32,
+    /// The colour that goes on behind the foreground, and which part of the pixel's light that is.
     color: [f32; 4],
-    /// The part of its light that continues behind the foreground.
     light: f32,
     source: Source,
 }
@@ -206,8 +206,9 @@ impl Surfaces<'_> {
                 if s[here] <= s_start - CONNECTED_PX {
                     let uncovered = step.distance <= s_start - s[here] + origin.margin_px;
                     let exit = || {
-                        let (color, source, index) = self.pure_beyond(origin, here, &ray[k..]);
+                        let (mut color, source, index) = self.pure_beyond(origin, here, &ray[k..]);
                         let light = self.limits.going_on(&color, index);
+                        color[..self.frame.lights].iter_mut().for_each(|v| *v *= light);
                         Exit { distance: step.distance, s: s[here], color, light, source }
                     };
                     return uncovered.then(exit);
@@ -257,29 +258,28 @@ fn merge<C: Cargo>(exits: &[Exit], lights: usize, cargo: &C) -> Option<Found<C::
     let surface = surface_of(exits)?;
     let on_surface = |h: &&Exit| (h.s - surface).abs() < SAME_SURFACE_PX;
 
-    let color_of = |h: &Exit| {
-        let mut color = h.color;
-        color[..lights].iter_mut().for_each(|c| *c *= h.light);
-        color
-    };
     // What is bright for one ray alone must not be smeared over the whole hidden region.
-    let brightness = |h: &Exit| color_of(h)[..lights].iter().sum::<f32>();
+    let mut brightness = [0.0; DIRECTIONS];
     let (mut all, mut n) = ([0.0; DIRECTIONS], 0);
-    for h in exits.iter().filter(on_surface) {
-        all[n] = brightness(h);
-        n += 1;
+    for (h, brightness) in exits.iter().zip(&mut brightness) {
+        *brightness = h.color[..lights].iter().sum::<f32>();
+        if on_surface(&h) {
+            all[n] = *brightness;
+            n += 1;
+        }
     }
     let (_, median, _) = all[..n].select_nth_unstable_by(n / 2, f32::total_cmp);
-    let median = median.max(f32::MIN_POSITIVE);
+    let most = 4.0 * median.max(f32::MIN_POSITIVE);
     // All of what is up to twice as bright as the median, and nothing from four times on.
-    let typical = |h: &Exit| (2.0 - brightness(h) / (2.0 * median)).clamp(0.0, 1.0);
-    let weighed = || exits.iter().filter(on_surface).map(|h| (h, typical(h) / h.distance));
+    let typical = |brightness: f32| (2.0 - 2.0 * brightness / most).clamp(0.0, 1.0);
+    let weighed = exits.iter().zip(brightness).filter(|(h, _)| on_surface(h));
+    let weighed = weighed.map(|(h, brightness)| (h, typical(brightness) / h.distance));
 
     let (mut weight, mut s, mut color) = (0.0, 0.0, [0.0; 4]);
-    for (h, w) in weighed() {
+    for (h, w) in weighed.clone() {
         weight += w;
         s += w * h.s;
-        for (sum, c) in color.iter_mut().zip(color_of(h)) {
+        for (sum, c) in color.iter_mut().zip(h.color) {
             *sum += w * c;
         }
     }
@@ -287,8 +287,9 @@ fn merge<C: Cargo>(exits: &[Exit], lights: usize, cargo: &C) -> Option<Found<C::
         return None;
     }
     let mut carried = cargo.nothing();
-    let weighed = weighed().filter(|(_, w)| *w > 0.0);
-    weighed.for_each(|(h, w)| cargo.add(&mut carried, w / weight, h.light, h.source));
+    weighed
+        .filter(|(_, w)| *w > 0.0)
+        .for_each(|(h, w)| cargo.add(&mut carried, w / weight, h.light, h.source));
     Some(Found { s: s / weight, color: color.map(|c| c / weight), carried })
 }
 

@@ -16,9 +16,12 @@ const SHOWN: f32 = 0.5;
 pub fn end_lamps(mixed: &mut [MixedPixel], frame: &FrontLayer, limits: &Limits) {
     let light = |color: [f32; 4]| color[..frame.lights].iter().map(|v| v.max(0.0)).sum::<f32>();
     mixed.par_iter_mut().filter(|m| m.coverage > 0.0).for_each(|m| {
+        let going_on = limits.going_on(&m.back, m.index);
+        if going_on == 1.0 {
+            return;
+        }
         let (back, own) = (light(m.back), light(frame.color_at(m.index)));
         let shown = (1.0 - m.coverage) * back / (SHOWN * own).max(f32::MIN_POSITIVE);
-        let going_on = limits.going_on(&m.back, m.index);
         m.recipe.back_light = mix(going_on, 1.0, shown.min(1.0));
         let ends = m.recipe.end(m.coverage, [m.front, m.back]);
         for (end, color) in ends.into_iter().zip([&mut m.front, &mut m.back]) {

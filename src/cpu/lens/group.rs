@@ -5,7 +5,7 @@ use crate::plan::lens::carried::CarriedLight;
 use crate::plan::lens::footprint::Sharpening;
 use crate::plan::lens::highlights::Highlights;
 use crate::scene::colors::{CellColor, Colors};
-use crate::scene::highlights::light_channels;
+use crate::scene::contrast::light_channels;
 use crate::scene::layered::LayeredScene;
 
 /// The input of a render.

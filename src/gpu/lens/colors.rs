@@ -11,8 +11,8 @@ use crate::picture::Size;
 use crate::plan::lens::Plan;
 use crate::plan::lens::footprint::{MAX_WEIGHT, NEXT_CELLS, REACHES, STEPS_PER_PX};
 use crate::scene::colors::CellColor;
+use crate::scene::contrast::light_channels;
 use crate::scene::edges::CONNECTED_PX;
-use crate::scene::highlights::light_channels;
 
 pub const WIDEN: Shader =
     shader!("lens/widen", ["mirror", "lens/depth_spans", "lens/footprint"], [WidenParams, Footprint]);

@@ -5,8 +5,8 @@ use crate::memory::Buffer;
 use crate::picture::Size;
 use crate::plan::lens::footprint;
 use crate::scene::colors::Colors;
+use crate::scene::contrast::light_channels;
 use crate::scene::depth_spans::{self, Cell};
-use crate::scene::highlights::light_channels;
 use rayon::prelude::*;
 
 /// What a cell of another layer gets.
