@@ -31,6 +31,9 @@ pub struct Layer {
     /// The borders between cells and the next ones of their surface along each axis: the shift of each, and by how much the
     /// next cell differs in each channel; 0 where the surface ends.
     pub borders: [PlaneSet; 2],
+    /// How much of each cell is covered along a line through its middle, counted from the left, the right, above and below: 1
+    /// where it is covered on the other side. Empty if all cells are covered.
+    pub covered: Vec<[f32; 4]>,
     /// A bit for each axis along which the next cell is of another surface.
     pub ends: Vec<u8>,
     /// What is added, if anything is.
@@ -146,6 +149,21 @@ impl Layer {
             }
         }
         self.codes = Codes::new(frame);
+        self.covered.clear();
+        let partial = &from.partial;
+        if partial.cut.is_empty() {
+            return;
+        }
+        self.covered.resize(region.len(), [1.0; 4]);
+        for y in 0..rows {
+            let first = row_of(y);
+            for (x, covered) in self.covered[y * stride..][..stride].iter_mut().enumerate() {
+                if let Some((normal, cut)) = partial.line(first + x) {
+                    let along = |n: f32| if n > 0.0 { (0.5 + cut / n).clamp(0.0, 1.0) } else { 1.0 };
+                    *covered = [normal[0], -normal[0], normal[1], -normal[1]].map(along);
+                }
+            }
+        }
     }
 
     fn find_borders(&mut self, stride: usize, channels: usize) {

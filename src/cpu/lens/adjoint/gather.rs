@@ -21,6 +21,7 @@ use crate::cpu::lens::lanes::Avx2Floats;
 use crate::cpu::lens::lanes::{FLOATS, Floats};
 use crate::scene::grid::TILE;
 use crate::simd::{InstructionSet, Simd};
+use std::cmp::Ordering;
 
 /// Some of the pixels of a group, a bit for each.
 type Lanes = u16;
@@ -376,15 +377,11 @@ impl<const C: usize> Gather<'_, C> {
             }
             return;
         }
-        // Of two surfaces, the rim of the nearer one moves. Pairs of pixels in two tiles are not looked at; the others stand for
-        // them. Of one in two columns and two rows, or two layers: half of it where the one cell is left, and half where the other
-        // one is entered. There is no branch, since nothing predicts it.
-        let side = [TILE.0, TILE.1][axis] as f32;
-        let rim = side / (side - 1.0);
-        let parts = [[rim, 0.0], [0.0, rim], [0.5, 0.5]];
+        // Of two surfaces, the rim of the nearer one moves. Of one in two columns and two rows, or two layers: half of it where the
+        // one cell is left, and half where the other one is entered. There is no branch, since nothing predicts it.
+        let parts = [[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]];
         let parts = parts[if is_one { 2 } else { usize::from(span_a.1 <= span_b.1) }];
-        let spans = [span_a, span_b];
-        (0..2).for_each(|k| self.add_change(pair, k, parts[k], spans[k]));
+        (0..2).for_each(|k| self.add_change(pair, k, parts[k], !is_one));
     }
 
     /// Adds what a border between two pixels changes: that behind a cell which is `away` from the first of them along an axis.
@@ -413,19 +410,86 @@ impl<const C: usize> Gather<'_, C> {
     /// Adds a part of what a pair changes with one of its cells: the pixel across which that cell's border lies takes the
     /// difference between both.
     #[inline(always)]
-    fn add_change(&mut self, pair: &Pair, k: usize, part: f32, (lo, hi): (u16, u16)) {
+    fn add_change(&mut self, pair: &Pair, k: usize, part: f32, is_rim: bool) {
         let &Pair { pixels, mets, at, axis, rank } = pair;
         let layers = both(|k| &self.around.layers[mets[k].layer()]);
         let [before, behind] = both(|k| layers[k].color[at[k]]);
+        let rim = if is_rim { self.rim(mets[k], at[k], (axis, k)) } else { Rim::beside(at[k]) };
+        let (lo, hi) = layers[k].span[rim.at];
         let t = layers[k].codes.shift(0.5 * (f32::from(lo) + f32::from(hi)));
         let along = self.views.lens[rank][usize::from(t > 0.0)][axis];
-        let across = of_share(pixels[usize::from(along * t - mets[k].away()[axis] as f32 <= 0.0)]);
-        let given = self.views.of_pixel(across);
+        // A rim lies where the cell reaches farthest, which it does at the one or the other end of its span.
+        let at_far_end = along * SIGNS[k] > 0.0;
+        let t = if is_rim { layers[k].codes.shift(f32::from(if at_far_end { lo } else { hi })) } else { t };
+        // How far the first of both pixels reaches beyond the border.
+        let across = pixels[usize::from(along * t - mets[k].away()[axis] as f32 - rim.beyond <= 0.0)];
+        let given = self.views.of_pixel(of_share(across));
         let mut dot = 0.0;
         for c in 0..C {
             dot += given[c] * (behind[c] - before[c]);
         }
+        // A rim that lies across a pixel is between this one and that in front of it for half of the places in a pixel where rays
+        // start, and else between this one and that behind it. Of a pixel at the side of the tile one of both pairs is not
+        // looked at, and the other stands for it.
+        let (place, side) = [(across % TILE.0, TILE.0), (across / TILE.0, TILE.1)][axis];
+        let pairs = if is_rim && (place == 0 || place + 1 == side) { 2.0 } else { 1.0 };
+        let change = pairs * part * along * dot;
+        // Both cells move the border between them by half.
+        let of_border = 2.0 * rim.of_inner[usize::from(at_far_end)];
         let sums = self.around.layers[mets[k].layer()].sums.as_mut().expect("the layer is met");
-        sums.by_shift.plane_mut(0)[at[k]] += part * along * dot;
+        sums.by_shift.plane_mut(0)[rim.at] += (1.0 - of_border) * change;
+        sums.by_border[axis].plane_mut(0)[rim.inner_border] += of_border * change;
+    }
+
+    /// The rim behind the cell that is met by the first of two pixels (`k` is 0) or the second.
+    #[inline(always)]
+    fn rim(&self, met: Met, at: usize, (axis, k): (usize, usize)) -> Rim {
+        let apart = [1, self.around.region.stride][axis];
+        let before = |at: usize| if k == 0 { at - apart } else { at + apart };
+        let Layer { span, covered, .. } = &self.around.layers[met.layer()];
+        let is_one = |a: usize, b: usize| span[b].1 > 0 && is_one_surface(span[a], span[b], 0);
+        let mut rim = Rim::beside(at);
+        if !covered.is_empty() {
+            // A cell that is covered in part may be passed by.
+            let (next, toward) = (if k == 0 { at + apart } else { at - apart }, 2 * axis + k);
+            if covered[next][toward] < 1.0 && is_one(at, next) {
+                rim = Rim { at: next, beyond: SIGNS[k] * covered[next][toward], ..rim };
+            } else {
+                rim.beyond = SIGNS[k] * (covered[at][toward] - 1.0);
+            }
+        }
+        let inner = before(rim.at);
+        if is_one(rim.at, inner) {
+            // The span ends half-way to the nearest and the farthest cells around.
+            let middle = |at: usize| u32::from(span[at].0) + u32::from(span[at].1);
+            rim.inner_border = rim.at.min(inner);
+            rim.of_inner = match middle(inner).cmp(&middle(rim.at)) {
+                Ordering::Less => [0.0, 0.5],
+                Ordering::Greater => [0.5, 0.0],
+                Ordering::Equal => [0.25; 2],
+            };
+        }
+        rim
+    }
+}
+
+/// The direction in which a surface ends that the first of two pixels meets, or the second.
+const SIGNS: [f32; 2] = [1.0, -1.0];
+
+/// Where a surface ends between two pixels.
+struct Rim {
+    /// The last cell of the surface, and the border between this one and that before it.
+    at: usize,
+    inner_border: usize,
+    /// How far it ends beyond the border of the cell that is met, along the axis.
+    beyond: f32,
+    /// How much the cell before the last one moves the near and the far end of the last one's span.
+    of_inner: [f32; 2],
+}
+
+impl Rim {
+    /// Behind a cell, and with it alone.
+    fn beside(at: usize) -> Rim {
+        Rim { at, inner_border: at, beyond: 0.0, of_inner: [0.0; 2] }
     }
 }
