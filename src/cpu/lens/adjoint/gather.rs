@@ -4,8 +4,13 @@
 //! What one lens sample sees is a picture of its own, `V(p)`. A cell of shift `t` is drawn in it where the lens point `l`
 //! moves it, `l t` away: a square of one pixel, of which a pixel shows the part that it shares. So when the cell moves,
 //! light changes only at its borders with its neighbours, by the difference between both, in the pixel across which the
-//! border lies. Where a surface goes on, the border moves as both cells do, half as far with each. Where it ends before
-//! another, its rim moves alone, and what is behind it stays.
+//! border lies.
+//!
+//! A surface is a flight of stairs: each cell is a step with a top, and between two steps is the wall at their border. A ray that
+//! comes down over the second of two cells toward the first one (`l > 0`) meets the second one if it is down at its top
+//! before it leaves it, and else the first one, or the wall below it. So it is the top of the second cell that tells where the
+//! border is drawn, and for `l < 0` that of the first, whichever is nearer. Where a surface ends before another, its rim
+//! moves alone, and what is behind it stays: a ray also passes below the last cell's bottom.
 //!
 //! A ray meets one cell, so the neighbours are what the rays of the neighbouring pixels meet, and what is between them. A border
 //! lies across the one or the other of both pixels: its own shift says where. Nearly everywhere, neighbours are as far away
@@ -21,7 +26,6 @@ use crate::cpu::lens::lanes::Avx2Floats;
 use crate::cpu::lens::lanes::{FLOATS, Floats};
 use crate::scene::grid::TILE;
 use crate::simd::{InstructionSet, Simd};
-use std::cmp::Ordering;
 
 /// Some of the pixels of a group, a bit for each.
 type Lanes = u16;
@@ -331,10 +335,13 @@ impl<const C: usize> Gather<'_, C> {
         [in_front, behind]: [[F; C]; 2],
         lens: &LensPoint,
     ) {
-        let Layer { borders, sums, .. } = &mut self.around.layers[met.layer()];
-        let ([t], slopes) = (borders[axis].groups(0, at), borders[axis].groups::<C>(1, at));
-        let Sums { by_border, .. } = sums.as_mut().expect("the layer is met");
-        let [sum] = by_border[axis].groups_mut(at);
+        let apart = [1, self.around.region.stride][axis];
+        // The cell whose top the border moves with.
+        let moving = if lens[0][axis] > 0.0 { at + apart } else { at };
+        let Layer { top, slopes, sums, .. } = &mut self.around.layers[met.layer()];
+        let ([t], slopes) = (top.groups(0, moving), slopes[axis].groups::<C>(0, at));
+        let Sums { by_top, .. } = sums.as_mut().expect("the layer is met");
+        let [sum] = by_top.groups_mut(moving);
         // SAFETY: per the function's contract.
         unsafe {
             let t = F::load(t);
@@ -357,73 +364,34 @@ impl<const C: usize> Gather<'_, C> {
         *self.pairs = pairs;
     }
 
-    /// Adds what two pixels change, which meet two surfaces, or one in cells that are not beside each other.
+    /// Adds what two pixels change, which meet two surfaces, or one in cells that are not beside each other: the pixel across
+    /// which the border lies takes the difference between both.
     #[inline(always)]
     fn add_pair(&mut self, pair: &Pair) {
         let &Pair { pixels, mets, at, axis, rank } = pair;
         let [a, b] = both(|k| mets[k].away());
-        // From the one cell to the other: on one surface with its shift, as many as pixels.
+        let layers = both(|k| &self.around.layers[mets[k].layer()]);
+        let [span_a, span_b] = both(|k| layers[k].span[at[k]]);
+        // From the one cell to the other. A surface that is seen from the side may show every other cell only, or fewer. It rises
+        // by a cell's span from cell to cell.
         let step = both(|along| b[along] - a[along] + i32::from(along == axis));
-        let [span_a, span_b] = both(|k| self.around.layers[mets[k].layer()].span[at[k]]);
-        // A surface that is seen from the side may show every other cell only, or fewer. It rises by a cell's span from cell
-        // to cell.
         let between = (step[0].abs().max(step[1].abs()) - 1).max(0) as u32;
         let is_one = is_one_surface(span_a, span_b, between);
-        if is_one && mets[0].layer() == mets[1].layer() && step[axis] >= 0 && step[1 - axis] == 0 {
-            let (away, lens) = (a[axis] as f32, &self.views.lens[rank]);
-            for passed in 0..step[axis] as usize {
-                let at = at[0] + passed * [1, self.around.region.stride][axis];
-                self.add_border(pixels, (mets[0].layer(), at), away + passed as f32, axis, lens);
-            }
-            return;
-        }
-        // Of two surfaces, the rim of the nearer one moves. Of one in two columns and two rows, or two layers: half of it where the
-        // one cell is left, and half where the other one is entered. There is no branch, since nothing predicts it.
-        let parts = [[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]];
-        let parts = parts[if is_one { 2 } else { usize::from(span_a.1 <= span_b.1) }];
-        (0..2).for_each(|k| self.add_change(pair, k, parts[k], !is_one));
-    }
-
-    /// Adds what a border between two pixels changes: that behind a cell which is `away` from the first of them along an axis.
-    #[inline(always)]
-    fn add_border(
-        &mut self,
-        pixels: [usize; 2],
-        (layer, at): (usize, usize),
-        away: f32,
-        axis: usize,
-        lens: &LensPoint,
-    ) {
-        let Layer { borders, sums, .. } = &mut self.around.layers[layer];
-        let t = borders[axis].plane(0)[at];
-        let along = lens[usize::from(t > 0.0)][axis];
-        let across = of_share(pixels[usize::from(along * t - away <= 0.0)]);
-        let given = self.views.of_pixel(across);
-        let mut dot = 0.0;
-        for c in 0..C {
-            dot += given[c] * borders[axis].plane(1 + c)[at];
-        }
-        let Sums { by_border, .. } = sums.as_mut().expect("the layer is met");
-        by_border[axis].plane_mut(0)[at] += along * dot;
-    }
-
-    /// Adds a part of what a pair changes with one of its cells: the pixel across which that cell's border lies takes the
-    /// difference between both.
-    #[inline(always)]
-    fn add_change(&mut self, pair: &Pair, k: usize, part: f32, is_rim: bool) {
-        let &Pair { pixels, mets, at, axis, rank } = pair;
-        let layers = both(|k| &self.around.layers[mets[k].layer()]);
-        let [before, behind] = both(|k| layers[k].color[at[k]]);
-        let rim = if is_rim { self.rim(mets[k], at[k], (axis, k)) } else { Rim::beside(at[k]) };
-        let (lo, hi) = layers[k].span[rim.at];
-        let t = layers[k].codes.shift(0.5 * (f32::from(lo) + f32::from(hi)));
-        let along = self.views.lens[rank][usize::from(t > 0.0)][axis];
-        // A rim lies where the cell reaches farthest, which it does at the one or the other end of its span.
-        let at_far_end = along * SIGNS[k] > 0.0;
-        let t = if is_rim { layers[k].codes.shift(f32::from(if at_far_end { lo } else { hi })) } else { t };
+        // Of two surfaces, the rim of the nearer one moves.
+        let lens = &self.views.lens[rank];
+        let k = usize::from(if is_one { lens[0][axis] > 0.0 } else { span_a.1 <= span_b.1 });
+        let layer = layers[k];
+        let rim =
+            if is_one { Rim::beside(at[k]) } else { layer.rim(at[k], self.around.region.stride, (axis, k)) };
+        let (lo, hi) = layer.span[rim.at];
+        let middle = layer.codes.shift(0.5 * (f32::from(lo) + f32::from(hi)));
+        let along = lens[usize::from(middle > 0.0)][axis];
+        let is_bottom = !is_one && along * SIGNS[k] > 0.0;
+        let t = layer.codes.shift(f32::from(if is_bottom { lo } else { hi }));
         // How far the first of both pixels reaches beyond the border.
         let across = pixels[usize::from(along * t - mets[k].away()[axis] as f32 - rim.beyond <= 0.0)];
         let given = self.views.of_pixel(of_share(across));
+        let [before, behind] = both(|k| layers[k].color[at[k]]);
         let mut dot = 0.0;
         for c in 0..C {
             dot += given[c] * (behind[c] - before[c]);
@@ -432,44 +400,10 @@ impl<const C: usize> Gather<'_, C> {
         // start, and else between this one and that behind it. Of a pixel at the side of the tile one of both pairs is not
         // looked at, and the other stands for it.
         let (place, side) = [(across % TILE.0, TILE.0), (across / TILE.0, TILE.1)][axis];
-        let pairs = if is_rim && (place == 0 || place + 1 == side) { 2.0 } else { 1.0 };
-        let change = pairs * part * along * dot;
-        // Both cells move the border between them by half.
-        let of_border = 2.0 * rim.of_inner[usize::from(at_far_end)];
+        let pairs = if !is_one && (place == 0 || place + 1 == side) { 2.0 } else { 1.0 };
         let sums = self.around.layers[mets[k].layer()].sums.as_mut().expect("the layer is met");
-        sums.by_shift.plane_mut(0)[rim.at] += (1.0 - of_border) * change;
-        sums.by_border[axis].plane_mut(0)[rim.inner_border] += of_border * change;
-    }
-
-    /// The rim behind the cell that is met by the first of two pixels (`k` is 0) or the second.
-    #[inline(always)]
-    fn rim(&self, met: Met, at: usize, (axis, k): (usize, usize)) -> Rim {
-        let apart = [1, self.around.region.stride][axis];
-        let before = |at: usize| if k == 0 { at - apart } else { at + apart };
-        let Layer { span, covered, .. } = &self.around.layers[met.layer()];
-        let is_one = |a: usize, b: usize| span[b].1 > 0 && is_one_surface(span[a], span[b], 0);
-        let mut rim = Rim::beside(at);
-        if !covered.is_empty() {
-            // A cell that is covered in part may be passed by.
-            let (next, toward) = (if k == 0 { at + apart } else { at - apart }, 2 * axis + k);
-            if covered[next][toward] < 1.0 && is_one(at, next) {
-                rim = Rim { at: next, beyond: SIGNS[k] * covered[next][toward], ..rim };
-            } else {
-                rim.beyond = SIGNS[k] * (covered[at][toward] - 1.0);
-            }
-        }
-        let inner = before(rim.at);
-        if is_one(rim.at, inner) {
-            // The span ends half-way to the nearest and the farthest cells around.
-            let middle = |at: usize| u32::from(span[at].0) + u32::from(span[at].1);
-            rim.inner_border = rim.at.min(inner);
-            rim.of_inner = match middle(inner).cmp(&middle(rim.at)) {
-                Ordering::Less => [0.0, 0.5],
-                Ordering::Greater => [0.5, 0.0],
-                Ordering::Equal => [0.25; 2],
-            };
-        }
-        rim
+        let sum = if is_bottom { &mut sums.by_bottom } else { &mut sums.by_top };
+        sum.plane_mut(0)[rim.at] += pairs * along * dot;
     }
 }
 
@@ -478,18 +412,36 @@ const SIGNS: [f32; 2] = [1.0, -1.0];
 
 /// Where a surface ends between two pixels.
 struct Rim {
-    /// The last cell of the surface, and the border between this one and that before it.
+    /// The last cell of the surface.
     at: usize,
-    inner_border: usize,
     /// How far it ends beyond the border of the cell that is met, along the axis.
     beyond: f32,
-    /// How much the cell before the last one moves the near and the far end of the last one's span.
-    of_inner: [f32; 2],
 }
 
 impl Rim {
-    /// Behind a cell, and with it alone.
+    /// Behind a cell that is met.
     fn beside(at: usize) -> Rim {
-        Rim { at, inner_border: at, beyond: 0.0, of_inner: [0.0; 2] }
+        Rim { at, beyond: 0.0 }
+    }
+}
+
+impl Layer {
+    /// The rim behind the cell that is met by the first of two pixels (`k` is 0) or the second.
+    #[inline(always)]
+    fn rim(&self, at: usize, stride: usize, (axis, k): (usize, usize)) -> Rim {
+        let Layer { span, covered, .. } = self;
+        if covered.is_empty() {
+            return Rim::beside(at);
+        }
+        let apart = [1, stride][axis];
+        let (next, toward) = (if k == 0 { at + apart } else { at - apart }, 2 * axis + k);
+        // A cell that is covered in part may be passed by.
+        let is_passed =
+            covered[next][toward] < 1.0 && span[next].1 > 0 && is_one_surface(span[at], span[next], 0);
+        if is_passed {
+            Rim { at: next, beyond: SIGNS[k] * covered[next][toward] }
+        } else {
+            Rim { at, beyond: SIGNS[k] * (covered[at][toward] - 1.0) }
+        }
     }
 }
