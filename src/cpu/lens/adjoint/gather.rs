@@ -386,7 +386,7 @@ impl<const C: usize> Gather<'_, C> {
         let (lo, hi) = layer.span[rim.at];
         let middle = layer.codes.shift(0.5 * (f32::from(lo) + f32::from(hi)));
         let along = lens[usize::from(middle > 0.0)][axis];
-        let is_bottom = !is_one && along * SIGNS[k] > 0.0;
+        let is_bottom = !is_one && (rim.is_cut || along * SIGNS[k] > 0.0);
         let t = layer.codes.shift(f32::from(if is_bottom { lo } else { hi }));
         // How far the first of both pixels reaches beyond the border.
         let across = pixels[usize::from(along * t - mets[k].away()[axis] as f32 - rim.beyond <= 0.0)];
@@ -416,12 +416,14 @@ struct Rim {
     at: usize,
     /// How far it ends beyond the border of the cell that is met, along the axis.
     beyond: f32,
+    /// Whether it ends inside the cell. Of what such a cell covers it is asked where a ray passes its bottom.
+    is_cut: bool,
 }
 
 impl Rim {
     /// Behind a cell that is met.
     fn beside(at: usize) -> Rim {
-        Rim { at, beyond: 0.0 }
+        Rim { at, beyond: 0.0, is_cut: false }
     }
 }
 
@@ -439,9 +441,10 @@ impl Layer {
         let is_passed =
             covered[next][toward] < 1.0 && span[next].1 > 0 && is_one_surface(span[at], span[next], 0);
         if is_passed {
-            Rim { at: next, beyond: SIGNS[k] * covered[next][toward] }
+            Rim { at: next, beyond: SIGNS[k] * covered[next][toward], is_cut: true }
         } else {
-            Rim { at, beyond: SIGNS[k] * (covered[at][toward] - 1.0) }
+            let covered = covered[at][toward];
+            Rim { at, beyond: SIGNS[k] * (covered - 1.0), is_cut: covered < 1.0 }
         }
     }
 }
