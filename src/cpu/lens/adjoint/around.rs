@@ -36,9 +36,6 @@ pub struct Layer {
     pub top: PlaneSet,
     /// By how much the next cell of its surface differs along each axis, in each channel; 0 where the surface ends.
     pub slopes: [PlaneSet; 2],
-    /// How much of each cell is covered along a line through its middle, counted from the left, the right, above and below: 1
-    /// where it is covered on the other side. Empty if all cells are covered.
-    pub covered: Vec<[f32; 4]>,
     /// A bit for each axis along which the next cell is of another surface.
     pub ends: Vec<u8>,
     /// What is added, if anything is.
@@ -143,21 +140,6 @@ impl Layer {
             }
         }
         self.codes = Codes::new(frame);
-        self.covered.clear();
-        let partial = &from.partial;
-        if partial.cut.is_empty() {
-            return;
-        }
-        self.covered.resize(region.len(), [1.0; 4]);
-        for y in 0..rows {
-            let first = row_of(y);
-            for (x, covered) in self.covered[y * stride..][..stride].iter_mut().enumerate() {
-                if let Some((normal, cut)) = partial.line(first + x) {
-                    let along = |n: f32| if n > 0.0 { (0.5 + cut / n).clamp(0.0, 1.0) } else { 1.0 };
-                    *covered = [normal[0], -normal[0], normal[1], -normal[1]].map(along);
-                }
-            }
-        }
     }
 
     /// Reads the shifts of the cells.
@@ -204,9 +186,8 @@ impl Layer {
         let sum = by_shift.plane_mut(0);
         for (from, toward) in [(&sums.by_top, 1.0), (&sums.by_bottom, -1.0)] {
             for (at, change) in from.plane(0).iter().enumerate().filter(|(_, change)| **change != 0.0) {
-                let (reached, share) = self.extreme(at, region.stride, toward);
                 let mut own = *change;
-                for q in reached.into_iter().flatten() {
+                for (q, share) in self.extreme(at, region.stride, toward) {
                     sum[q] += share * change;
                     own -= share * change;
                 }
@@ -216,28 +197,27 @@ impl Layer {
         by_shift
     }
 
-    /// The neighbours half-way to which a cell's span reaches, to the top (`toward` is 1) or the bottom (-1), and by how much of
-    /// its shift each of them moves that end.
+    /// The neighbours half-way to which a cell's span reaches, to the top (`toward` is 1) or the bottom (-1), each with how much
+    /// it moves that end.
     ///
     /// Where a cell is as near as its nearest neighbours, a small change makes either of them the nearest. On average over
     /// changes that are linear, those on opposite sides cancel, and one without an opposite counts for half of the half.
-    fn extreme(&self, at: usize, stride: usize, toward: f32) -> ([Option<usize>; 4], f32) {
-        let sides = [at.wrapping_sub(1), at + 1, at.wrapping_sub(stride), at + stride];
-        let is_one = |q: &usize| {
-            *q < self.span.len() && self.span[*q].1 > 0 && is_one_surface(self.span[at], self.span[*q], 0)
-        };
-        let rises =
-            sides.map(|q| if is_one(&q) { toward * (self.s[q] - self.s[at]) } else { f32::NEG_INFINITY });
+    fn extreme(&self, at: usize, stride: usize, toward: f32) -> impl Iterator<Item = (usize, f32)> + use<> {
+        let Layer { s, ends, .. } = self;
+        let inside = at >= stride && at + stride < s.len();
+        let sides = if inside { [at - 1, at + 1, at - stride, at + stride] } else { [at; 4] };
+        let is_end = [ends[sides[0]] & 1, ends[at] & 1, ends[sides[2]] & 2, ends[at] & 2];
+        let rises: [f32; 4] = std::array::from_fn(|i| {
+            let rise = toward * (s[sides[i]] - s[at]);
+            // There may be no cell.
+            if is_end[i] == 0 && rise > f32::NEG_INFINITY { rise } else { f32::NEG_INFINITY }
+        });
         let most = rises.iter().fold(f32::NEG_INFINITY, |most, rise| most.max(*rise));
-        let is_most = rises.map(|rise| rise == most);
-        let chosen: [bool; 4] = match most {
-            most if most > 0.0 => is_most,
-            0.0 => std::array::from_fn(|i| is_most[i] && !is_most[i ^ 1]),
-            _ => [false; 4],
-        };
-        let count = chosen.iter().filter(|chosen| **chosen).count().max(1);
-        let half = if most > 0.0 { 0.5 } else { 0.25 };
-        (std::array::from_fn(|i| chosen[i].then_some(sides[i])), half / count as f32)
+        let is_chosen: [bool; 4] =
+            std::array::from_fn(|i| rises[i] == most && (most > 0.0 || most == 0.0 && rises[i ^ 1] != most));
+        let count = is_chosen.iter().filter(|is_chosen| **is_chosen).count();
+        let share = if most > 0.0 { 0.5 } else { 0.25 } / count as f32;
+        (0..4).filter(move |i| is_chosen[*i]).map(move |i| (sides[i], share))
     }
 }
 

@@ -21,9 +21,11 @@ use super::around::{Around, Layer, Sums, is_one_surface};
 use super::met::Met;
 use super::plane_set::group;
 use super::views::{ACROSS, Blind, GROUPS, GroupViews, LensPoint, SHARES, Views};
+use super::window::Region;
 #[cfg(target_arch = "x86_64")]
 use crate::cpu::lens::lanes::Avx2Floats;
 use crate::cpu::lens::lanes::{FLOATS, Floats};
+use crate::cpu::lens::padded::Padded;
 use crate::scene::grid::TILE;
 use crate::simd::{InstructionSet, Simd};
 
@@ -38,6 +40,7 @@ const NOTHING: [u32; FLOATS] = [Met::NOTHING.code(); FLOATS];
 
 /// Adds to the cells around a tile what its pixels see.
 pub struct Gather<'a, const C: usize> {
+    pub padded: &'a Padded,
     pub around: &'a mut Around,
     pub views: &'a Views,
     /// Whether the derivatives by shifts are added, too.
@@ -381,8 +384,7 @@ impl<const C: usize> Gather<'_, C> {
         let lens = &self.views.lens[rank];
         let k = usize::from(if is_one { lens[0][axis] > 0.0 } else { span_a.1 <= span_b.1 });
         let layer = layers[k];
-        let rim =
-            if is_one { Rim::beside(at[k]) } else { layer.rim(at[k], self.around.region.stride, (axis, k)) };
+        let rim = if is_one { Rim::beside(at[k]) } else { self.rim(mets[k], at[k], (axis, k)) };
         let (lo, hi) = layer.span[rim.at];
         let middle = layer.codes.shift(0.5 * (f32::from(lo) + f32::from(hi)));
         let along = lens[usize::from(middle > 0.0)][axis];
@@ -405,6 +407,34 @@ impl<const C: usize> Gather<'_, C> {
         let sum = if is_bottom { &mut sums.by_bottom } else { &mut sums.by_top };
         sum.plane_mut(0)[rim.at] += pairs * along * dot;
     }
+    /// The rim behind the cell that is met by the first of two pixels (`k` is 0) or the second.
+    #[inline(always)]
+    fn rim(&self, met: Met, at: usize, (axis, k): (usize, usize)) -> Rim {
+        let Region { stride, .. } = self.around.region;
+        let (apart, sign) = ([1, stride][axis], SIGNS[k]);
+        let span = &self.around.layers[met.layer()].span;
+        let next = if k == 0 { at + apart } else { at - apart };
+        // A cell that is covered in part may be passed by.
+        let of_next = self.covered(met.layer(), next, (axis, sign));
+        if of_next < 1.0 && span[next].1 > 0 && is_one_surface(span[at], span[next], 0) {
+            return Rim { at: next, beyond: sign * of_next, is_cut: true };
+        }
+        let covered = self.covered(met.layer(), at, (axis, sign));
+        Rim { at, beyond: sign * (covered - 1.0), is_cut: covered < 1.0 }
+    }
+
+    /// How much of a cell is covered along the line through its middle in the direction of an axis, if it is covered where the
+    /// line begins; else 1.
+    #[inline(always)]
+    fn covered(&self, layer: usize, at: usize, (axis, sign): (usize, f32)) -> f32 {
+        let Around { region, .. } = &*self.around;
+        let (padding, partial) = (&self.padded.padding, &self.padded.layers[layer].partial);
+        let cell = region.padded_row(padding, at / region.stride) + at % region.stride;
+        partial.line(cell).map_or(1.0, |(normal, cut)| {
+            let n = sign * normal[axis];
+            if n > 0.0 { (0.5 + cut / n).clamp(0.0, 1.0) } else { 1.0 }
+        })
+    }
 }
 
 /// The direction in which a surface ends that the first of two pixels meets, or the second.
@@ -424,27 +454,5 @@ impl Rim {
     /// Behind a cell that is met.
     fn beside(at: usize) -> Rim {
         Rim { at, beyond: 0.0, is_cut: false }
-    }
-}
-
-impl Layer {
-    /// The rim behind the cell that is met by the first of two pixels (`k` is 0) or the second.
-    #[inline(always)]
-    fn rim(&self, at: usize, stride: usize, (axis, k): (usize, usize)) -> Rim {
-        let Layer { span, covered, .. } = self;
-        if covered.is_empty() {
-            return Rim::beside(at);
-        }
-        let apart = [1, stride][axis];
-        let (next, toward) = (if k == 0 { at + apart } else { at - apart }, 2 * axis + k);
-        // A cell that is covered in part may be passed by.
-        let is_passed =
-            covered[next][toward] < 1.0 && span[next].1 > 0 && is_one_surface(span[at], span[next], 0);
-        if is_passed {
-            Rim { at: next, beyond: SIGNS[k] * covered[next][toward], is_cut: true }
-        } else {
-            let covered = covered[at][toward];
-            Rim { at, beyond: SIGNS[k] * (covered - 1.0), is_cut: covered < 1.0 }
-        }
     }
 }

@@ -126,7 +126,7 @@ impl Scratch {
         let is_first = [!is_swept(x.checked_sub(TILE.0), Some(y)), !is_swept(Some(x), y.checked_sub(TILE.1))];
         around.take(frame, (tile.origin, is_first), views.reach);
         with_channels!(size.channels, C => {
-            Gather::<C> { around, views, of_shifts: asked.shifts(), pairs }.add(frame.simd);
+            Gather::<C> { padded: &frame.padded, around, views, of_shifts: asked.shifts(), pairs }.add(frame.simd);
         });
     }
 }
