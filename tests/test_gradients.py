@@ -368,7 +368,7 @@ def of_shifts(shift_px):
 
 
 def change_along(color, shift_px, bump_px, step=0.15):
-    """Give how the render changes along a bump of shifts: the mean of differences with two numbers of lens points."""
+    """Give how the render changes along a bump of shifts: the mean with two numbers of lens points."""
 
     def picture(by, views):
         disparity, lens = of_shifts(shift_px + by * bump_px)

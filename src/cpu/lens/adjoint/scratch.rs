@@ -1,9 +1,10 @@
 //! What tiles are worked on with, one after another.
 
 use super::around::Around;
-use super::gather::{Gather, Pair};
+use super::gather::Gather;
 use super::highlights::{self, Light};
 use super::job::Job;
+use super::pairs::Pair;
 use super::views::Views;
 use super::waves::{Beyond, read};
 use super::window::Window;
