@@ -356,6 +356,73 @@ def test_the_rim_of_what_is_near_moves_over_what_is_behind():
     assert np.abs(found[~is_near]).sum() < 1e-3 * np.abs(found).sum()
 
 
+# How many pixels a dioptre shifts, and what is in focus.
+K, FOCUS = 50.0, 0.5
+
+
+def of_shifts(shift_px):
+    """Give disparities of these shifts relative to the focus, and the lens that shifts by them."""
+    lens = LENS.replace(focus_distance=1.0 / FOCUS)
+    own = abs(float(dofsim.coc(np.ones(SHAPE), lens)[0, 0])) / (1.0 - FOCUS)
+    return FOCUS + shift_px / K, lens.replace(aperture_radius=lens.aperture_radius * K / own)
+
+
+def change_along(color, shift_px, bump_px, step=0.15):
+    """Give how the render changes along a bump of shifts: the mean with two numbers of lens points."""
+
+    def picture(by, views):
+        disparity, lens = of_shifts(shift_px + by * bump_px)
+        words = {"depth_kind": "inverse_z", "device": "cpu", "resolution": "full", "views": views}
+        return dofsim.render(color, disparity, lens, **words).astype(float)
+
+    ends = [picture(step, views) - picture(-step, views) for views in (3000, 4096)]
+    return (ends[0] + ends[1]) / (4.0 * step)
+
+
+def by_shift(color, shift_px, weights):
+    disparity, lens = of_shifts(shift_px)
+    words = {"wrt": "disparity", "depth_kind": "inverse_z", "views": 1024}
+    return dofsim.vjp(color, disparity, lens, weights.astype(np.float32), **words)["disparity"] / K
+
+
+# Columns of the last whole pixel of what is near: in a tile, and beside the border of two.
+@pytest.mark.parametrize("last", [40, 62, 64])
+@pytest.mark.parametrize("part", [0.0, 0.3, 0.7])
+@pytest.mark.parametrize(("near", "far"), [(7.7, -5.7), (-2.2, -7.7)])
+def test_a_rim_moves_with_the_pixels_whose_depth_it_has(last, part, near, far):
+    # Of even colours. The pixel beside the last one is covered in part.
+    x = np.mgrid[: SHAPE[0], : SHAPE[1]][1]
+    coverage = np.clip(last + 1.0 + part - x, 0.0, 1.0)
+    color = (0.2 + 0.6 * coverage[..., None] * np.ones(3)).astype(np.float32)
+    is_near = coverage >= 0.5
+    shift_px = np.where(is_near, near, far)
+    weights = ndi.gaussian_filter(change_along(color, shift_px, 1.0 * is_near, 0.3), (1.0, 1.0, 0.0))
+    found = by_shift(color, shift_px, weights).sum(axis=0)
+    scale = np.vdot(weights, change_along(color, shift_px, 1.0 * is_near))
+    # Along the side of a tile, an eighth of what lies across the pixels there is left out.
+    part = 0.05 if last == 40 else 0.12
+    assert found.sum() == pytest.approx(scale, rel=part)
+    for column in range(last - 2, last + 3):
+        expected = np.vdot(weights, change_along(color, shift_px, 1.0 * (x == column)))
+        assert found[column] == pytest.approx(expected, abs=part * scale)
+
+
+# Far, near, and where the surface passes through the focus.
+@pytest.mark.parametrize("row", [24, 35, 48])
+def test_the_gradient_on_a_steep_surface_is_where_differences_of_the_render_are(row):
+    y = np.mgrid[: SHAPE[0], : SHAPE[1]][0]
+    color, shift_px = textured(7), 0.39 * (y - 35.5)
+    bump = np.exp(-((y - row) ** 2) / (2.0 * 2.0**2))
+    weights = ndi.gaussian_filter(change_along(color, shift_px, bump, 0.3), (1.0, 1.0, 0.0))
+    found = by_shift(color, shift_px, weights).sum(axis=1)
+    rows = range(row - 4, row + 5)
+    expected = [np.vdot(weights, change_along(color, shift_px, 1.0 * (y == one))) for one in rows]
+    assert np.linalg.norm(found[rows[0] : rows[-1] + 1] - expected) < 0.07 * np.linalg.norm(expected)
+    assert np.vdot(found, bump[:, 0]) == pytest.approx(
+        np.vdot(weights, change_along(color, shift_px, bump)), rel=0.04
+    )
+
+
 def test_disparity_is_one_over_depth():
     color, depth = wall(1.5, 4.5)
     weights = np.random.default_rng(3).standard_normal(color.shape)

@@ -268,7 +268,11 @@ fn unmix_pixel(frame: &FrontLayer, separated: Separated, x: usize, y: usize) -> 
 }
 
 /// The shifts of a pixel and of its eight neighbours, with their offsets.
-fn around<'a>(frame: &'a FrontLayer, x: usize, y: usize) -> impl Iterator<Item = (i32, i32, f32)> + use<'a> {
+pub(super) fn around<'a>(
+    frame: &'a FrontLayer,
+    x: usize,
+    y: usize,
+) -> impl Iterator<Item = (i32, i32, f32)> + use<'a> {
     let offsets = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy)));
     offsets.filter_map(move |(dx, dy)| frame.offset(x, y, dx, dy).map(|q| (dx, dy, frame.s[q])))
 }

@@ -1,12 +1,12 @@
 //! Where the colours and the depths of cells come from: each is a weighted sum of those of pixels.
 //!
 //! The picture's own colours decide the weights, as they do for channels that it carries. This is the same linear map,
-//! written down as its weights, so that it can be turned round. The depth of a surface is that of the pixels that show
-//! nothing else.
+//! written down as its weights, so that it can be turned round. The depth of a surface is that of the pixel itself, or of the
+//! pixels around it at which the surface is nearest or farthest.
 
 use super::carried::pure_ends;
 use super::front_layer::FrontLayer;
-use super::matting::MixedPixel;
+use super::matting::{MixedPixel, around, two_surfaces};
 use super::recipe::{Cargo, Source};
 use crate::picture::Weighting;
 use rayon::prelude::*;
@@ -55,10 +55,27 @@ pub fn of_mixed(frame: &FrontLayer, mixed: &[MixedPixel]) -> Vec<[MixedOrigin; 2
             }
             form
         });
-        let [[front, back], [front_depth, back_depth]] = [colors, pure];
+        let [[front, back], [front_depth, back_depth]] = [colors, of_shifts(frame, m)];
         [MixedOrigin { color: front, depth: front_depth }, MixedOrigin { color: back, depth: back_depth }]
     };
     mixed.par_iter().map(of_pixel).collect()
+}
+
+/// Which pixels the shifts of both surfaces of a mixed pixel are those of.
+fn of_shifts(frame: &FrontLayer, m: &MixedPixel) -> [Form; 2] {
+    let (x, y) = (m.index % frame.size.width, m.index / frame.size.width);
+    let strength = m.recipe.strength;
+    two_surfaces(frame, x, y).map(|surface| {
+        if surface.s == frame.s[m.index] {
+            return vec![(m.index as u32, 1.0)];
+        }
+        // The extreme of some equal shifts rises, on average over small changes of these, as their mean does.
+        let extreme = around(frame, x, y).filter(|(_, _, s)| *s == surface.s);
+        let pixels: Vec<usize> = extreme.filter_map(|(dx, dy, _)| frame.offset(x, y, dx, dy)).collect();
+        let share = strength / pixels.len() as f32;
+        let own = (strength < 1.0).then_some((m.index as u32, 1.0 - strength));
+        own.into_iter().chain(pixels.iter().map(|&q| (q as u32, share))).collect()
+    })
 }
 
 fn add_form(sum: &mut Form, weight: f32, form: &Form) {

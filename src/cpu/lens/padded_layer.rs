@@ -55,11 +55,16 @@ impl PartialPlanes {
     /// The fraction of a beam one pixel wide that cell `i` hides, if the beam passes it at the offset `at` from its
     /// centre.
     pub fn covered(&self, i: usize, at: [f32; 2]) -> f32 {
-        if self.bits[i / 8] >> (i % 8) & 1 == 0 {
-            return 1.0;
-        }
-        let normal = [self.normal_x[i], self.normal_y[i]];
-        self.opacity[i] * area_below(normal, self.cut[i] - (normal[0] * at[0] + normal[1] * at[1]))
+        self.line(i).map_or(1.0, |(normal, cut)| {
+            self.opacity[i] * area_below(normal, cut - (normal[0] * at[0] + normal[1] * at[1]))
+        })
+    }
+
+    /// The normal and the cut of the half-plane that cell `i` covers, if it does not cover all of its pixel.
+    #[inline(always)]
+    pub fn line(&self, i: usize) -> Option<([f32; 2], f32)> {
+        let is_partial = self.bits[i / 8] >> (i % 8) & 1 != 0;
+        is_partial.then(|| ([self.normal_x[i], self.normal_y[i]], self.cut[i]))
     }
 }
 

@@ -4,21 +4,28 @@
 //! What one lens sample sees is a picture of its own, `V(p)`. A cell of shift `t` is drawn in it where the lens point `l`
 //! moves it, `l t` away: a square of one pixel, of which a pixel shows the part that it shares. So when the cell moves,
 //! light changes only at its borders with its neighbours, by the difference between both, in the pixel across which the
-//! border lies. Where a surface goes on, the border moves as both cells do, half as far with each. Where it ends before
-//! another, its rim moves alone, and what is behind it stays.
+//! border lies.
+//!
+//! A surface is a flight of stairs: each cell is a step with a top, and between two steps is the wall at their border. A ray that
+//! comes down over the second of two cells toward the first one (`l > 0`) meets the second one if it is down at its top
+//! before it leaves it, and else the first one, or the wall below it. So it is the top of the second cell that tells where the
+//! border is drawn, and for `l < 0` that of the first, whichever is nearer. Where a surface ends before another, its rim
+//! moves alone, and what is behind it stays: a ray also passes below the last cell's bottom.
 //!
 //! A ray meets one cell, so the neighbours are what the rays of the neighbouring pixels meet, and what is between them. A border
 //! lies across the one or the other of both pixels: its own shift says where. Nearly everywhere, neighbours are as far away
 //! from their pixels, and so beside each other on a surface: many of these are worked on together, and the other pairs one by
 //! one.
 
-use super::around::{Around, Layer, Sums, is_one_surface};
+use super::around::{Around, Layer, Sums};
 use super::met::Met;
+use super::pairs::{OfPairs, Pair, both};
 use super::plane_set::group;
-use super::views::{ACROSS, Blind, GROUPS, GroupViews, LensPoint, SHARES, Views};
+use super::views::{ACROSS, Blind, GROUPS, GroupViews, LensPoint, SHARES, Views, of_share};
 #[cfg(target_arch = "x86_64")]
 use crate::cpu::lens::lanes::Avx2Floats;
 use crate::cpu::lens::lanes::{FLOATS, Floats};
+use crate::cpu::lens::padded::Padded;
 use crate::scene::grid::TILE;
 use crate::simd::{InstructionSet, Simd};
 
@@ -33,6 +40,7 @@ const NOTHING: [u32; FLOATS] = [Met::NOTHING.code(); FLOATS];
 
 /// Adds to the cells around a tile what its pixels see.
 pub struct Gather<'a, const C: usize> {
+    pub padded: &'a Padded,
     pub around: &'a mut Around,
     pub views: &'a Views,
     /// Whether the derivatives by shifts are added, too.
@@ -72,28 +80,6 @@ impl Seen {
         let right = || if lane + 1 < FLOATS { self.own[lane + 1] } else { self.behind };
         Met::of_code(if axis == 0 { right() } else { self.below[lane] })
     }
-}
-
-/// Two pixels beside each other along an axis, and what they have met through the lens point of a rank.
-pub struct Pair {
-    pixels: [usize; 2],
-    mets: [Met; 2],
-    /// Where that is around the tile.
-    at: [usize; 2],
-    axis: usize,
-    rank: usize,
-}
-
-/// Where the share of a pixel is.
-#[inline(always)]
-fn of_share(pixel: usize) -> usize {
-    pixel / TILE.0 * SHARES + pixel % TILE.0
-}
-
-/// What a function gives for both of a pair.
-#[inline(always)]
-fn both<T>(of: impl Fn(usize) -> T) -> [T; 2] {
-    [of(0), of(1)]
 }
 
 macro_rules! instantiate {
@@ -330,10 +316,13 @@ impl<const C: usize> Gather<'_, C> {
         [in_front, behind]: [[F; C]; 2],
         lens: &LensPoint,
     ) {
-        let Layer { borders, sums, .. } = &mut self.around.layers[met.layer()];
-        let ([t], slopes) = (borders[axis].groups(0, at), borders[axis].groups::<C>(1, at));
-        let Sums { by_border, .. } = sums.as_mut().expect("the layer is met");
-        let [sum] = by_border[axis].groups_mut(at);
+        let apart = [1, self.around.region.stride][axis];
+        // The cell whose top the border moves with.
+        let moving = if lens[0][axis] > 0.0 { at + apart } else { at };
+        let Layer { top, slopes, sums, .. } = &mut self.around.layers[met.layer()];
+        let ([t], slopes) = (top.groups(0, moving), slopes[axis].groups::<C>(0, at));
+        let Sums { by_top, .. } = sums.as_mut().expect("the layer is met");
+        let [sum] = by_top.groups_mut(moving);
         // SAFETY: per the function's contract.
         unsafe {
             let t = F::load(t);
@@ -351,81 +340,7 @@ impl<const C: usize> Gather<'_, C> {
 
     /// Adds what the pairs change that wait.
     fn add_pairs(&mut self) {
-        let mut pairs = std::mem::take(self.pairs);
-        pairs.drain(..).for_each(|pair| self.add_pair(&pair));
-        *self.pairs = pairs;
-    }
-
-    /// Adds what two pixels change, which meet two surfaces, or one in cells that are not beside each other.
-    #[inline(always)]
-    fn add_pair(&mut self, pair: &Pair) {
-        let &Pair { pixels, mets, at, axis, rank } = pair;
-        let [a, b] = both(|k| mets[k].away());
-        // From the one cell to the other: on one surface with its shift, as many as pixels.
-        let step = both(|along| b[along] - a[along] + i32::from(along == axis));
-        let [span_a, span_b] = both(|k| self.around.layers[mets[k].layer()].span[at[k]]);
-        // A surface that is seen from the side may show every other cell only, or fewer. It rises by a cell's span from cell
-        // to cell.
-        let between = (step[0].abs().max(step[1].abs()) - 1).max(0) as u32;
-        let is_one = is_one_surface(span_a, span_b, between);
-        if is_one && mets[0].layer() == mets[1].layer() && step[axis] >= 0 && step[1 - axis] == 0 {
-            let (away, lens) = (a[axis] as f32, &self.views.lens[rank]);
-            for passed in 0..step[axis] as usize {
-                let at = at[0] + passed * [1, self.around.region.stride][axis];
-                self.add_border(pixels, (mets[0].layer(), at), away + passed as f32, axis, lens);
-            }
-            return;
-        }
-        // Of two surfaces, the rim of the nearer one moves. Pairs of pixels in two tiles are not looked at; the others stand for
-        // them. Of one in two columns and two rows, or two layers: half of it where the one cell is left, and half where the other
-        // one is entered. There is no branch, since nothing predicts it.
-        let side = [TILE.0, TILE.1][axis] as f32;
-        let rim = side / (side - 1.0);
-        let parts = [[rim, 0.0], [0.0, rim], [0.5, 0.5]];
-        let parts = parts[if is_one { 2 } else { usize::from(span_a.1 <= span_b.1) }];
-        let spans = [span_a, span_b];
-        (0..2).for_each(|k| self.add_change(pair, k, parts[k], spans[k]));
-    }
-
-    /// Adds what a border between two pixels changes: that behind a cell which is `away` from the first of them along an axis.
-    #[inline(always)]
-    fn add_border(
-        &mut self,
-        pixels: [usize; 2],
-        (layer, at): (usize, usize),
-        away: f32,
-        axis: usize,
-        lens: &LensPoint,
-    ) {
-        let Layer { borders, sums, .. } = &mut self.around.layers[layer];
-        let t = borders[axis].plane(0)[at];
-        let along = lens[usize::from(t > 0.0)][axis];
-        let across = of_share(pixels[usize::from(along * t - away <= 0.0)]);
-        let given = self.views.of_pixel(across);
-        let mut dot = 0.0;
-        for c in 0..C {
-            dot += given[c] * borders[axis].plane(1 + c)[at];
-        }
-        let Sums { by_border, .. } = sums.as_mut().expect("the layer is met");
-        by_border[axis].plane_mut(0)[at] += along * dot;
-    }
-
-    /// Adds a part of what a pair changes with one of its cells: the pixel across which that cell's border lies takes the
-    /// difference between both.
-    #[inline(always)]
-    fn add_change(&mut self, pair: &Pair, k: usize, part: f32, (lo, hi): (u16, u16)) {
-        let &Pair { pixels, mets, at, axis, rank } = pair;
-        let layers = both(|k| &self.around.layers[mets[k].layer()]);
-        let [before, behind] = both(|k| layers[k].color[at[k]]);
-        let t = layers[k].codes.shift(0.5 * (f32::from(lo) + f32::from(hi)));
-        let along = self.views.lens[rank][usize::from(t > 0.0)][axis];
-        let across = of_share(pixels[usize::from(along * t - mets[k].away()[axis] as f32 <= 0.0)]);
-        let given = self.views.of_pixel(across);
-        let mut dot = 0.0;
-        for c in 0..C {
-            dot += given[c] * (behind[c] - before[c]);
-        }
-        let sums = self.around.layers[mets[k].layer()].sums.as_mut().expect("the layer is met");
-        sums.by_shift.plane_mut(0)[at[k]] += part * along * dot;
+        let Gather { padded, around, views, pairs, .. } = self;
+        OfPairs::<C> { padded, around, views }.add(pairs);
     }
 }

@@ -13,6 +13,7 @@ mod in_focus;
 mod job;
 mod met;
 mod own_shifts;
+mod pairs;
 mod plane_set;
 mod scratch;
 mod sharpening;

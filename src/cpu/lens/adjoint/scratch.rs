@@ -1,9 +1,10 @@
 //! What tiles are worked on with, one after another.
 
 use super::around::Around;
-use super::gather::{Gather, Pair};
+use super::gather::Gather;
 use super::highlights::{self, Light};
 use super::job::Job;
+use super::pairs::Pair;
 use super::views::Views;
 use super::waves::{Beyond, read};
 use super::window::Window;
@@ -126,7 +127,7 @@ impl Scratch {
         let is_first = [!is_swept(x.checked_sub(TILE.0), Some(y)), !is_swept(Some(x), y.checked_sub(TILE.1))];
         around.take(frame, (tile.origin, is_first), views.reach);
         with_channels!(size.channels, C => {
-            Gather::<C> { around, views, of_shifts: asked.shifts(), pairs }.add(frame.simd);
+            Gather::<C> { padded: &frame.padded, around, views, of_shifts: asked.shifts(), pairs }.add(frame.simd);
         });
     }
 }

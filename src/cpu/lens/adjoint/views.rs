@@ -17,6 +17,12 @@ use crate::scene::grid::TILE;
 
 /// From the shares of one row to those of the next. Behind the last column and row are those of the pixels beyond the tile.
 pub const SHARES: usize = TILE.0 + FLOATS;
+/// Where the share of a pixel is.
+#[inline(always)]
+pub fn of_share(pixel: usize) -> usize {
+    pixel / TILE.0 * SHARES + pixel % TILE.0
+}
+
 /// Groups of pixels in a row of a tile, and all of them.
 pub const ACROSS: usize = TILE.0 / FLOATS;
 pub const GROUPS: usize = ACROSS * TILE.1;

@@ -61,6 +61,15 @@ impl Region {
         (y + self.margin) * self.stride + x + self.margin
     }
 
+    /// The columns and the rows of the padded frame.
+    pub fn padded_columns(&self) -> std::ops::Range<usize> {
+        self.first.0..self.first.0 + self.stride
+    }
+
+    pub fn padded_rows(&self) -> std::ops::Range<usize> {
+        self.first.1..self.first.1 + self.rows
+    }
+
     /// The place of a row in the padded frame.
     pub fn padded_row(&self, padding: &Padding, y: usize) -> usize {
         (self.first.1 + y) * padding.stride + self.first.0
