@@ -30,7 +30,8 @@ fn sum_rest(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_i
     let segment = (params.size.x + THREADS - 1u) / THREADS;
     let first = min(thread * segment, params.size.x);
     let end = min(first + segment, params.size.x);
-    let row = group.x * params.size.x;
+    let y = params.top + group.x;
+    let row = y * params.size.x;
     var total = Rest();
     for (var x = first; x < end; x++) {
         total = sum_of(total, rest_of(row + x));
@@ -51,7 +52,7 @@ fn sum_rest(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_i
     if thread > 0u {
         sum = totals[thread - 1u];
     }
-    let out = group.x * (params.size.x + 1u);
+    let out = y * (params.size.x + 1u);
     for (var x = first; x < end; x++) {
         color_sums[out + x] = sum.color;
         seen_sums[out + x] = sum.seen;

@@ -69,12 +69,12 @@ pub fn groups(width: usize, height: usize) -> [u32; 3] {
 pub struct Commands<'a> {
     pub gpu: &'a Arc<Gpu>,
     cancel: &'a Cancel,
-    pub(super) encoder: wgpu::CommandEncoder,
+    encoder: wgpu::CommandEncoder,
     /// What has been recorded since the last submission.
     work: Work,
     /// The times of the beginning and the end of every pass, if the device can measure them.
     stamps: Option<wgpu::QuerySet>,
-    pub(super) passes: Vec<&'static str>,
+    passes: Vec<&'static str>,
     /// Buffers that the next job may reuse.
     taken: Vec<wgpu::Buffer>,
     /// Those that later passes of this job may reuse. Another job may not: its passes may run between two pieces of
@@ -101,15 +101,7 @@ impl<'a> Commands<'a> {
     /// finished that job before it begins this one.
     pub fn scratch<T: Pod>(&mut self, what: &'static str, len: usize) -> Result<wgpu::Buffer> {
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
-        self.reused(what, len * size_of::<T>(), usage)
-    }
-
-    /// The same for words from which indirect draws are read.
-    pub fn indirect(&mut self, what: &'static str, words: usize) -> Result<wgpu::Buffer> {
-        self.reused(what, words * size_of::<u32>(), BufferUsages::STORAGE | BufferUsages::INDIRECT)
-    }
-
-    fn reused(&mut self, what: &'static str, bytes: usize, usage: BufferUsages) -> Result<wgpu::Buffer> {
+        let bytes = len * size_of::<T>();
         let own = take(&mut self.spare, bytes, usage);
         let spare = own.or_else(|| take(&mut lock(&self.gpu.spare), bytes, usage));
         let buffer = spare.map_or_else(|| self.gpu.buffer(what, bytes, usage), Ok)?;
@@ -145,8 +137,7 @@ impl<'a> Commands<'a> {
         (groups, units): ([u32; 3], f64),
     ) -> Result<()> {
         self.begin(shader.name, units)?;
-        let stages = wgpu::ShaderStages::COMPUTE;
-        let (layout, bind_group) = self.bindings(shader.name, params, buffers, stages)?;
+        let (layout, bind_group) = self.bindings(shader.name, params, buffers)?;
         let pipeline = self.gpu.pipeline(shader, channels, &layout);
         let stamps = self.stamps();
         let timestamp_writes = stamps.as_ref().map(|(query_set, first)| wgpu::ComputePassTimestampWrites {
@@ -207,13 +198,15 @@ impl<'a> Commands<'a> {
         Ok(())
     }
 
-    /// The number of items that the next pass works on, by what is known by then.
+    /// The number of items that the next pass works on, by what is known by then, and by the number of workgroups that a
+    /// pass may have along an axis.
     fn next_part(&self, shader: &Shader, units: &[f64]) -> usize {
-        lock(&self.gpu.pace).items(shader.name, units, self.gpu.submission)
+        let most = self.gpu.limits.max_compute_workgroups_per_dimension as usize;
+        lock(&self.gpu.pace).items(shader.name, units, self.gpu.submission).min(most)
     }
 
     /// Makes room for a pass, and counts its work.
-    pub(super) fn begin(&mut self, shader: &'static str, units: f64) -> Result<()> {
+    fn begin(&mut self, shader: &'static str, units: f64) -> Result<()> {
         if !lock(&self.gpu.pace).fits(&self.work, shader, units, self.gpu.submission) {
             self.flush()?;
         }
@@ -230,12 +223,11 @@ impl<'a> Commands<'a> {
     }
 
     /// The bindings of a pass.
-    pub(super) fn bindings<P: Pod>(
+    fn bindings<P: Pod>(
         &self,
         name: &'static str,
         params: &P,
         buffers: &[Bound],
-        visibility: wgpu::ShaderStages,
     ) -> Result<(wgpu::BindGroupLayout, wgpu::BindGroup)> {
         let device = &self.gpu.device;
         // WGSL rounds the size of a structure up to its alignment, which is 16 bytes at most.
@@ -247,7 +239,7 @@ impl<'a> Commands<'a> {
         let kinds = std::iter::once(wgpu::BufferBindingType::Uniform).chain(buffers.iter().map(kind));
         let entry = |(binding, ty)| wgpu::BindGroupLayoutEntry {
             binding,
-            visibility,
+            visibility: wgpu::ShaderStages::COMPUTE,
             ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
             count: None,
         };
@@ -270,7 +262,7 @@ impl<'a> Commands<'a> {
     }
 
     /// The query set and the first query index for the times of the next pass, if it is timed.
-    pub(super) fn stamps(&self) -> Option<(wgpu::QuerySet, u32)> {
+    fn stamps(&self) -> Option<(wgpu::QuerySet, u32)> {
         let first = 2 * self.passes.len() as u32;
         self.stamps.clone().filter(|_| first < 2 * MAX_TIMED).map(|stamps| (stamps, first))
     }

@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 /// The open devices by process and adapter.
 type Open = HashMap<(u32, usize), Arc<Gpu>>;
 /// Pipelines by the name of the shader and the number of channels.
-type Pipelines<P> = HashMap<(&'static str, usize), Arc<P>>;
+type Pipelines = HashMap<(&'static str, usize), Arc<wgpu::ComputePipeline>>;
 
 /// An adapter that has been opened. Each process has one for each adapter, until it fails.
 pub struct Gpu {
@@ -40,8 +40,7 @@ pub struct Gpu {
     /// When it was last used, and whether a thread looks at that.
     last_used: Mutex<Instant>,
     pub(super) is_watched: AtomicBool,
-    pipelines: Mutex<Pipelines<wgpu::ComputePipeline>>,
-    pub(super) draws: Mutex<Pipelines<wgpu::RenderPipeline>>,
+    pipelines: Mutex<Pipelines>,
     /// Buffers of the last job that the next job may reuse.
     pub(super) spare: Mutex<Vec<wgpu::Buffer>>,
     /// The same for the buffers in which pictures are transferred back.
@@ -58,8 +57,6 @@ static OPEN: Mutex<Option<Open>> = Mutex::new(None);
 pub struct Restrictions {
     /// The size of the largest buffer that a pass can bind.
     pub most_bytes: u64,
-    /// The optional features that they may use.
-    pub features: wgpu::Features,
     /// The memory for which bands are planned.
     pub memory_bytes: Option<u64>,
     /// The memory beyond which nothing can be allocated.
@@ -75,7 +72,6 @@ impl Restrictions {
     /// No restriction.
     pub const NONE: Restrictions = Restrictions {
         most_bytes: u64::MAX,
-        features: wgpu::Features::TIMESTAMP_QUERY.union(wgpu::Features::FLOAT32_BLENDABLE),
         memory_bytes: None,
         room_bytes: None,
         submission: SUBMISSION,
@@ -180,13 +176,12 @@ impl Gpu {
     }
 
     fn new(index: usize, adapter: &Adapter) -> Result<Gpu> {
-        let Restrictions { most_bytes, features, memory_bytes, room_bytes, submission, .. } =
-            *lock(&RESTRICTIONS);
+        let Restrictions { most_bytes, memory_bytes, room_bytes, submission, .. } = *lock(&RESTRICTIONS);
         let mut limits = adapter.handle.limits();
         limits.max_storage_buffer_binding_size = limits.max_storage_buffer_binding_size.min(most_bytes);
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("dofsim"),
-            required_features: adapter.handle.features() & features,
+            required_features: adapter.handle.features() & wgpu::Features::TIMESTAMP_QUERY,
             required_limits: limits.clone(),
             ..Default::default()
         };
@@ -219,7 +214,6 @@ impl Gpu {
             last_used: Mutex::new(Instant::now()),
             is_watched: AtomicBool::new(false),
             pipelines: Mutex::default(),
-            draws: Mutex::default(),
             spare: Mutex::default(),
             spare_back: Mutex::default(),
             fault,
@@ -410,7 +404,7 @@ impl Gpu {
     }
 
     /// A shader, compiled.
-    pub(super) fn module(&self, shader: &Shader) -> wgpu::ShaderModule {
+    fn module(&self, shader: &Shader) -> wgpu::ShaderModule {
         let source = wgpu::ShaderSource::Wgsl(source(shader));
         let descriptor = wgpu::ShaderModuleDescriptor { label: Some(shader.name), source };
         // With the counters that end endless loops, drivers would not unroll loops.
@@ -421,7 +415,7 @@ impl Gpu {
     }
 
     /// The layout of a pipeline with one bind group.
-    pub(super) fn layout(&self, name: &'static str, group: &wgpu::BindGroupLayout) -> wgpu::PipelineLayout {
+    fn layout(&self, name: &'static str, group: &wgpu::BindGroupLayout) -> wgpu::PipelineLayout {
         self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some(name),
             bind_group_layouts: &[Some(group)],

@@ -14,7 +14,6 @@ mod by_focus;
 mod carried;
 mod commands;
 mod device;
-mod draw;
 mod falloff;
 mod gaussian;
 mod hexagonal;
