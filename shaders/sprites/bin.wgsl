@@ -40,8 +40,15 @@ fn bin(
     if thread < BIN_ROWS {
         bins[i].rows[thread] = atomicLoad(&rows[thread]);
     }
-    if thread == 0u {
-        bins[i].least = vec2(atomicLoad(&least[0]), atomicLoad(&least[1]));
-        bins[i].greatest = vec2(atomicLoad(&greatest[0]), atomicLoad(&greatest[1]));
+    if thread > 0u {
+        return;
     }
+    bins[i].least = vec2(atomicLoad(&least[0]), atomicLoad(&least[1]));
+    bins[i].greatest = vec2(atomicLoad(&greatest[0]), atomicLoad(&greatest[1]));
+    var count = 0u;
+    for (var y = 0u; y < BIN_ROWS; y++) {
+        bins[i].before[y] = count;
+        count += countOneBits(atomicLoad(&rows[y]));
+    }
+    bins[i].count = count;
 }

@@ -19,6 +19,9 @@ struct Bin {
     greatest: vec2<i32>,
     // A bit for every column of each row, set if the point is drawn.
     rows: array<u32, 8>,
+    // Number of points before each row, and in all.
+    before: array<u32, 8>,
+    count: u32,
 }
 
 const BIN_COLUMNS: u32 = 32u;
@@ -27,13 +30,13 @@ const BIN_ROWS: u32 = 8u;
 @group(0) @binding(3) var<storage, read> boundaries: array<f32>;
 @group(0) @binding(4) var<storage, read> sprites: array<Sprite>;
 
+fn bin_size() -> vec2<i32> {
+    return vec2(i32(BIN_COLUMNS), i32(BIN_ROWS));
+}
+
 // The index of a bin in a layer, by its column and row among all bins.
 fn index_of_bin(layer: u32, bin: vec2<u32>) -> u32 {
     return (layer * params.bins.y + bin.y) * params.bins.x + bin.x;
-}
-
-fn bin_size() -> vec2<i32> {
-    return vec2(i32(BIN_COLUMNS), i32(BIN_ROWS));
 }
 
 // The position of the first point of a bin.

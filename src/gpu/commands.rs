@@ -198,11 +198,9 @@ impl<'a> Commands<'a> {
         Ok(())
     }
 
-    /// The number of items that the next pass works on, by what is known by then, and by the number of workgroups that a
-    /// pass may have along an axis.
+    /// The number of items that the next pass works on, by what is known by then.
     fn next_part(&self, shader: &Shader, units: &[f64]) -> usize {
-        let most = self.gpu.limits.max_compute_workgroups_per_dimension as usize;
-        lock(&self.gpu.pace).items(shader.name, units, self.gpu.submission).min(most)
+        lock(&self.gpu.pace).items(shader.name, units, self.gpu.submission)
     }
 
     /// Makes room for a pass, and counts its work.

@@ -121,7 +121,7 @@ fn structures_lie_as_in_rust() {
 }
 
 /// Constants that both shaders and Rust state: a part of the shader's name, the constant, and Rust's value.
-const STATED_TWICE: [(&str, &str, f64); 22] = [
+const STATED_TWICE: [(&str, &str, f64); 23] = [
     ("levels/filter", "GROUP", GROUP as f64),
     ("lens/", "NOWHERE", lens::layered::NOWHERE as f64),
     ("lens/", "NO_PLANES", lens::layered::NO_PLANES as f64),
@@ -142,6 +142,7 @@ const STATED_TWICE: [(&str, &str, f64); 22] = [
     ("sprites/gather", "GROUP", GROUP as f64),
     ("sprites/", "BIN_COLUMNS", sprites::BIN_SIZE[0] as f64),
     ("sprites/", "BIN_ROWS", sprites::BIN_SIZE[1] as f64),
+    ("sprites/", "SPAN", sprites::SPAN as f64),
     ("sprites/", "IN_FRONT", sprites::Depth::InFront as u32 as f64),
     ("sprites/", "BEHIND", sprites::Depth::Behind as u32 as f64),
 ];
@@ -154,7 +155,8 @@ fn threads(shader: &str) -> [u32; 3] {
     let [width, height] = match shader {
         "lens/in_focus" | "lens/disc" | "lens/sweep" | "lens/highlights" => [TILE.0, lens::frame::GROUP_ROWS],
         "sprites/bin" => sprites::BIN_SIZE,
-        "lens/sum_rows" | "sprites/rest" => [256, 1],
+        "sprites/rest" => [sprites::SPAN, 1],
+        "lens/sum_rows" => [256, 1],
         _ => [GROUP, GROUP],
     };
     [width as u32, height as u32, 1]

@@ -37,17 +37,28 @@ pub const BEHIND: Shader = shader!(
 );
 pub const REST: Shader = shader!(
     "sprites/rest",
-    ["mirror", "picture", "depth", "interleaved", "defocus", "sprites/circles"],
+    ["mirror", "picture", "depth", "interleaved", "defocus", "sprites/circles", "sprites/spans"],
     [Params, Defocus]
 );
 pub const IN_FRONT: Shader = shader!(
     "sprites/in_front",
-    ["mirror", "picture", "depth", "interleaved", "defocus", "sprites/circles", "sprites/light"],
+    [
+        "mirror",
+        "picture",
+        "depth",
+        "interleaved",
+        "defocus",
+        "sprites/circles",
+        "sprites/light",
+        "sprites/spans"
+    ],
     [Params, Defocus]
 );
 
 /// Number of columns and rows of points in a bin.
 pub const BIN_SIZE: [usize; 2] = [32, 8];
+/// Number of pixels of a row after which sums begin anew.
+pub const SPAN: usize = 256;
 /// The largest number of loop iterations of an invocation of [`GATHER`] in one pass; more work is divided among passes.
 /// So no pass takes so long that a driver ends it, and the limit of software rasterisers is not reached.
 const MAX_LOOPS: usize = 40_000;
@@ -77,6 +88,9 @@ shared! {
         least: [i32; 2],
         greatest: [i32; 2],
         rows: [u32; BIN_SIZE[1]],
+        before: [u32; BIN_SIZE[1]],
+        count: u32,
+        _end: u32,
     }
 }
 
@@ -106,11 +120,12 @@ pub enum Depth {
 /// background behind the layer in front reads as far again.
 pub fn requirements(settings: &Settings, largest_px: f64) -> Requirements {
     let reach_px = largest_px.min(settings.max_coc_px()).ceil() as usize + 6;
-    let bytes_per_px = size_of::<[f32; 4]>();
-    // The sums of the rest, for every fourth pixel the light of two layers, and the bins of both.
-    let light = size_of::<[f32; 4]>() + size_of::<f32>();
+    let (color, light) = (size_of::<[f32; 4]>(), size_of::<[f32; 4]>() + size_of::<f32>());
+    // The sums of the rest, of which there are a few more than pixels.
+    let (bytes_per_px, sums) = (color + color.div_ceil(SPAN), light + light.div_ceil(SPAN));
+    // With them, for every fourth pixel the light of two layers, and the bins of both.
     let bins = (2 * size_of::<Bin>()).div_ceil(BIN_SIZE[0] * BIN_SIZE[1]);
-    let all_bytes_per_px = light + (2 * light).div_ceil(4) + bins;
+    let all_bytes_per_px = sums + (2 * light).div_ceil(4) + bins;
     let reaching = Requirements::reaching(2 * reach_px);
     Requirements { bytes_per_px, all_bytes_per_px, around_px: reach_px, block_px: 2, ..reaching }
 }
@@ -171,12 +186,12 @@ pub fn render(
     let buffers = [input[0], input[1], Read(&behind.color), Read(&behind.coverage), Write(&picture)];
     commands.pass(&BEHIND, size.channels, &params, &buffers, on_all)?;
     if let Some(light) = &in_front {
-        let sums = (size.width + 1) * size.height;
+        let spans = size.width.div_ceil(SPAN);
+        let sums = (size.width + spans) * size.height;
         let colors = commands.scratch::<[f32; 4]>("the sums of what is not in front", sums)?;
         let seen = commands.scratch::<f32>("how much of it there is", sums)?;
         let buffers = [input[0], input[1], Read(&picture), Write(&colors), Write(&seen)];
-        let rows = vec![size.width as f64; size.height];
-        commands.tiles(&REST, size.channels, |top| Params { top, ..params }, &buffers, (&rows, 1))?;
+        commands.pass(&REST, size.channels, &params, &buffers, [size.height as u32, spans as u32, 1])?;
         let sums = [Read(&colors), Read(&seen)];
         let light = [Read(&light.color), Read(&light.coverage)];
         let buffers = [input[0], input[1], light[0], light[1], sums[0], sums[1], Write(&picture)];
@@ -198,13 +213,9 @@ struct Bins {
 
 impl Bins {
     fn new(size: [usize; 2], reach: usize) -> Bins {
-        let ends =
-            std::array::from_fn(|i| (reach.div_ceil(BIN_SIZE[i]), (size[i] + reach).div_ceil(BIN_SIZE[i])));
-        let ends: [(usize, usize); 2] = ends;
-        Bins {
-            first: ends.map(|(before, _)| -(before as i32)),
-            count: ends.map(|(before, behind)| (before + behind) as u32),
-        }
+        let before = BIN_SIZE.map(|side| reach.div_ceil(side));
+        let count = |i: usize| before[i] + (size[i] + reach).div_ceil(BIN_SIZE[i]);
+        Bins { first: before.map(|count| -(count as i32)), count: [count(0) as u32, count(1) as u32] }
     }
 }
 
@@ -280,12 +291,13 @@ impl Points<'_> {
         2 * self.reach + 2
     }
 
-    /// The largest number of loop iterations of an invocation for a row of bins: each bin with the search for the step
-    /// of a point and with its rows, and in each row the points.
+    /// The largest number of loop iterations of an invocation for a row of bins: for each bin those that list it, hold its
+    /// points and add them, with the search for the step of a point and with the bin's rows, and in each row the points.
     fn loops_of_row(&self) -> usize {
         let [columns, rows] = BIN_SIZE;
         let across = (2 * GROUP + 2 * self.reach).div_ceil(columns) + 2;
         let search = (u32::BITS - self.params.boundaries.leading_zeros()) as usize;
-        1 + across * (1 + search + rows) + rows * self.points_across()
+        // A list of up to 256 bins takes 9.
+        9 + across * (3 + search + rows) + rows * self.points_across()
     }
 }
