@@ -44,8 +44,7 @@ fn added(a: Light, b: Light) -> Light {
 }
 
 fn window_of(tile: vec2<i32>) -> Window {
-    let size = bin_size();
-    // Bins are counted from the picture's first pixel on, which may be in the middle of them: shifts round down.
+    // Shifts round down, beyond the border too.
     let shift = vec2(firstTrailingBit(BIN_COLUMNS), firstTrailingBit(BIN_ROWS));
     let first = ((2 * tile - params.reach) >> shift) - params.first_bin;
     let last = ((2 * tile + 2 * i32(GROUP) + params.reach) >> shift) - params.first_bin;
@@ -77,7 +76,8 @@ fn list_bins(window: Window, first: u32, thread: u32) -> u32 {
     }
     workgroupBarrier();
     let bin = bin_of(window, first + thread);
-    let own = vec2(thread / 32u, 1u << thread % 32u);
+    // The word and the bit of the thread's own bin.
+    let own = vec2(thread / 32u, 1u << (thread % 32u));
     var points = 0u;
     if first + thread < window.count {
         points = points_of(window, bin);
@@ -90,8 +90,10 @@ fn list_bins(window: Window, first: u32, thread: u32) -> u32 {
     var count = 0u;
     for (var word = 0u; word < 8u; word++) {
         let bits = atomicLoad(&reached[word]);
+        if word == own.x {
+            before = count + countOneBits(bits & (own.y - 1u));
+        }
         count += countOneBits(bits);
-        before += countOneBits(select(0u, bits, word < own.x) | select(0u, bits & (own.y - 1u), word == own.x));
     }
     if points > 0u {
         listed[before] = vec3(bin, points);
