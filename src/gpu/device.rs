@@ -2,14 +2,10 @@
 
 use super::adapters::{self, Adapter, Kind};
 use super::pace::{Measured, Pace, SUBMISSION, Submissions};
-use super::shader::Shader;
-#[cfg(feature = "test-shaders")]
-use super::shader::perturbed::perturbed;
 use super::traffic;
 use crate::error::{Error, Result};
 use bytemuck::Pod;
 use rayon::prelude::*;
-use std::borrow::Cow;
 use std::collections::HashMap;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -17,6 +13,7 @@ use std::time::{Duration, Instant};
 
 /// The open devices by process and adapter.
 type Open = HashMap<(u32, usize), Arc<Gpu>>;
+
 /// Pipelines by the name of the shader and the number of channels.
 type Pipelines = HashMap<(&'static str, usize), Arc<wgpu::ComputePipeline>>;
 
@@ -40,7 +37,7 @@ pub struct Gpu {
     /// When it was last used, and whether a thread looks at that.
     last_used: Mutex<Instant>,
     pub(super) is_watched: AtomicBool,
-    pipelines: Mutex<Pipelines>,
+    pub(super) pipelines: Mutex<Pipelines>,
     /// Buffers of the last job that the next job may reuse.
     pub(super) spare: Mutex<Vec<wgpu::Buffer>>,
     /// The same for the buffers in which pictures are transferred back.
@@ -142,17 +139,10 @@ fn copy(bytes: &[u8], to: wgpu::WriteOnly<[u8]>) {
     to_rest.copy_from_slice(rest);
 }
 
-#[cfg(not(feature = "test-shaders"))]
-fn source(shader: &Shader) -> Cow<'static, str> {
-    shader.source.into()
-}
-
+/// The factor by which all quotients of shaders are off.
 #[cfg(feature = "test-shaders")]
-fn source(shader: &Shader) -> Cow<'static, str> {
-    match lock(&RESTRICTIONS).quotient {
-        1.0 => shader.source.into(),
-        factor => perturbed(shader.source, factor).into(),
-    }
+pub(super) fn quotient() -> f32 {
+    lock(&RESTRICTIONS).quotient
 }
 
 impl Gpu {
@@ -373,53 +363,5 @@ impl Gpu {
         copy(bytes, staged.slice(..own));
         staged.slice(own..end).fill(0);
         Ok(())
-    }
-
-    /// The pipeline of a shader, compiled on its first use.
-    pub(super) fn pipeline(
-        &self,
-        shader: &Shader,
-        channels: usize,
-        layout: &wgpu::BindGroupLayout,
-    ) -> Arc<wgpu::ComputePipeline> {
-        let key = (shader.name, channels);
-        if let Some(pipeline) = lock(&self.pipelines).get(&key) {
-            return Arc::clone(pipeline);
-        }
-        let module = self.module(shader);
-        let layout = self.layout(shader.name, layout);
-        let constants = shader.constants(channels);
-        let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(shader.name),
-            layout: Some(&layout),
-            module: &module,
-            entry_point: None,
-            compilation_options: wgpu::PipelineCompilationOptions {
-                constants: &constants,
-                ..Default::default()
-            },
-            cache: None,
-        });
-        Arc::clone(lock(&self.pipelines).entry(key).or_insert(Arc::new(pipeline)))
-    }
-
-    /// A shader, compiled.
-    fn module(&self, shader: &Shader) -> wgpu::ShaderModule {
-        let source = wgpu::ShaderSource::Wgsl(source(shader));
-        let descriptor = wgpu::ShaderModuleDescriptor { label: Some(shader.name), source };
-        // With the counters that end endless loops, drivers would not unroll loops.
-        let checks = wgpu::ShaderRuntimeChecks { force_loop_bounding: false, ..Default::default() };
-        // SAFETY: the project's own shaders have no endless loop: each counts up to a bound. Every other check stays
-        // on.
-        unsafe { self.device.create_shader_module_trusted(descriptor, checks) }
-    }
-
-    /// The layout of a pipeline with one bind group.
-    fn layout(&self, name: &'static str, group: &wgpu::BindGroupLayout) -> wgpu::PipelineLayout {
-        self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some(name),
-            bind_group_layouts: &[Some(group)],
-            ..Default::default()
-        })
     }
 }
