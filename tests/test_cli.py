@@ -161,7 +161,7 @@ def test_devices_fit_a_terminal(monkeypatch, capsys):
         id, name, kind, backend = "gpu:0", "llvmpipe (LLVM 15.0.6, 256 bits)", "software", "vulkan"
         driver, max_binding_bytes = "llvmpipe Mesa 22.3.6 (LLVM 15.0.6)", 2**27
         pci_bus_id, memory_bytes, visible = "0000:00:1f.0", 2**34, True
-        measures_time = blends_floats = True
+        measures_time = True
 
     monkeypatch.setattr(dofsim, "devices", lambda: [Adapter])
     assert run(["devices"]) == 0

@@ -5,7 +5,7 @@ import functools
 import dofsim
 import numpy as np
 import pytest
-from both_devices import CASES, CLIPPED, FLAWS, SCENES, assert_agree, metric_scene, random_color, render
+from both_devices import CASES, CLIPPED, FLAWS, metric_scene, random_color
 from dofsim._dofsim import device_traffic
 
 
@@ -65,15 +65,6 @@ def test_what_does_not_fit_in_bands_is_refused_before_work_starts(gpu, restricte
     ):
         dofsim.render(color, depth, lens, device=gpu, method="taps")
     assert device_traffic()["uploaded_bytes"] == before
-
-
-@pytest.mark.parametrize("options", CASES["sprites"], ids=str)
-@pytest.mark.parametrize("name", SCENES)
-def test_sprites_without_blending_agree_too(gpu, restricted, name, options):
-    scene = SCENES[name]()
-    on_cpu = render(*scene, "cpu", method="sprites", **options)
-    restricted(blending="none")
-    assert_agree(render(*scene, gpu, method="sprites", **options), on_cpu, "sprites")
 
 
 @pytest.mark.parametrize("method", CASES)

@@ -24,7 +24,7 @@ def test_passes_are_timed(gpu, method):
         "gaussian": "gaussian/blur_x",
         "levels": "levels/filter",
         "hexagonal": "hexagonal/shade",
-        "sprites": "sprites/draw",
+        "sprites": "sprites/gather",
     }
     assert passes[several.get(method, method)] > 0.0
     assert all(milliseconds >= 0.0 for milliseconds in passes.values())

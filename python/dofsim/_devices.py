@@ -26,8 +26,6 @@ def describe(device: Device) -> None:
     _print(f"{buffers}; larger frames are rendered in bands")
     if not device.measures_time:
         print("       does not measure time: no --profile")
-    if not device.blends_floats:
-        print('       does not blend floats: "sprites" takes longer')
     taken = _TAKEN[device.kind]
     if not device.visible:
         taken = f"hidden by CUDA_VISIBLE_DEVICES: used only if it is named (--device {device.id})"

@@ -2,19 +2,19 @@
 
 struct Params {
     size: vec2<u32>,
-    // The size of the targets, and the number of values from one of their rows to the next.
+    // The size of the targets.
     half: vec2<u32>,
-    pitch: u32,
-    // Number of mirrored pixels on every side whose sprites may reach the picture.
+    // The column and the row of the first bin, and their numbers.
+    first_bin: vec2<i32>,
+    bins: vec2<u32>,
+    // The largest distance of a sprite's pixels from its point.
     reach: i32,
     // The disparities at which one radius step ends and the next begins, from the nearest step on, and the number of
     // that step.
     boundaries: u32,
     first_step: u32,
-    // Number of workgroups in a row of them.
-    groups_across: u32,
     layer: u32,
-    // The rows around a pixel that one pass gathers.
+    // The rows of bins around a tile that one pass gathers, counted from the first that can reach the tile.
     first_row: i32,
     end_row: i32,
     threshold_px: f32,

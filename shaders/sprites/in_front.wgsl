@@ -4,23 +4,39 @@
 @group(0) @binding(6) var<storage, read> seen_sums: array<f32>;
 @group(0) @binding(7) var<storage, read_write> picture: array<f32>;
 
-// The sum over a row up to a position between the corners of pixels.
-fn sum_up_to(row: u32, x: f32) -> Light {
+// The sum over a span up to a position between the corners of its pixels.
+fn sum_up_to(row: u32, span: u32, x: f32) -> Light {
     let column = u32(x);
-    let at = row * (params.size.x + 1u) + column;
+    let at = first_sum(row, span) + column;
     // There is no corner after the last one.
-    let next = select(at, at + 1u, column < params.size.x);
+    let columns = min(params.size.x - span * SPAN, SPAN);
+    let next = select(at, at + 1u, column < columns);
     let fraction = x - f32(column);
     return mixed(Light(color_sums[at], seen_sums[at]), Light(color_sums[next], seen_sums[next]), fraction);
+}
+
+// The sum over a row between two positions, which are counted from the left side of a column.
+fn sum_between(row: u32, column: u32, left: f32, right: f32) -> Light {
+    var sum = Light();
+    let first = i32(column) + i32(floor(left));
+    let last = i32(column) + i32(ceil(right)) - 1;
+    for (var span = u32(first) / SPAN; span <= u32(last) / SPAN; span++) {
+        // Small numbers, which lose little.
+        let shift = f32(i32(column) - i32(span * SPAN));
+        let before = sum_up_to(row, span, max(shift + left, 0.0));
+        let all = sum_up_to(row, span, min(shift + right, f32(SPAN)));
+        sum.color += all.color - before.color;
+        sum.coverage += all.coverage - before.coverage;
+    }
+    return sum;
 }
 
 // The mean of everything that is not in front, over the square around a pixel with the area of a disc: the light, and
 // how much of it is seen.
 fn around(at: vec2<u32>, radius: f32) -> Light {
     let half = radius * 0.886226925;
-    let centre = f32(at.x) + 0.5;
-    let left = max(centre - half, 0.0);
-    let right = min(centre + half, f32(params.size.x));
+    let left = max(0.5 - half, -f32(at.x));
+    let right = min(0.5 + half, f32(params.size.x - at.x));
     let rows = i32(ceil(half - 0.5));
     var sum = Light();
     var down = 0.0;
@@ -30,10 +46,9 @@ fn around(at: vec2<u32>, radius: f32) -> Light {
             continue;
         }
         let part = min(f32(dy) + 0.5, half) - max(f32(dy) - 0.5, -half);
-        let before = sum_up_to(u32(y), left);
-        let all = sum_up_to(u32(y), right);
-        sum.color += part * (all.color - before.color);
-        sum.coverage += part * (all.coverage - before.coverage);
+        let of_row = sum_between(u32(y), at.x, left, right);
+        sum.color += part * of_row.color;
+        sum.coverage += part * of_row.coverage;
         down += part;
     }
     let share = 1.0 / (down * (right - left));

@@ -10,7 +10,7 @@ struct Light {
 
 fn texel(x: i32, y: i32) -> Light {
     let at = vec2(mirrored(x, i32(params.half.x)), mirrored(y, i32(params.half.y)));
-    let i = u32(at.y) * params.pitch + u32(at.x);
+    let i = u32(at.y) * params.half.x + u32(at.x);
     return Light(light[i], coverage[i]);
 }
 

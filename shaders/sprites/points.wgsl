@@ -1,8 +1,8 @@
 // The points that may be drawn: the picture's pixels, and their mirror images beyond its border.
 
-// The contribution of one point to a target: its first column and row, relative to the pixel of the target that
-// contains it, its size, and the index of its first weight. There are four for each radius step: for even and odd
-// columns of even rows, then of odd rows.
+// The contribution of one point to a target: its first column and row, relative to the texel that contains it, its
+// size, and the index of its first weight. There are four for each radius step: for even and odd columns of even
+// rows, then of odd rows.
 struct Sprite {
     left: i32,
     top: i32,
@@ -11,19 +11,37 @@ struct Sprite {
     first: u32,
 }
 
+// The points of one layer among 32 columns and 8 rows. Bins begin at multiples of these numbers, so that neither
+// the largest sprite nor the band decides in which order sprites are added.
+struct Bin {
+    // The first and the last texel that any of its sprites covers, relative to the texel that contains its point.
+    least: vec2<i32>,
+    greatest: vec2<i32>,
+    // A bit for every column of each row, set if the point is drawn.
+    rows: array<u32, 8>,
+    // Number of points before each row, and in all.
+    before: array<u32, 8>,
+    count: u32,
+}
+
+const BIN_COLUMNS: u32 = 32u;
+const BIN_ROWS: u32 = 8u;
+
 @group(0) @binding(3) var<storage, read> boundaries: array<f32>;
 @group(0) @binding(4) var<storage, read> sprites: array<Sprite>;
 
-// The position of a point by its number, row by row.
-fn place_of(point: u32) -> vec2<i32> {
-    let across = params.size.x + 2u * u32(params.reach);
-    return vec2<i32>(vec2(point % across, point / across)) - params.reach;
+fn bin_size() -> vec2<i32> {
+    return vec2(i32(BIN_COLUMNS), i32(BIN_ROWS));
 }
 
-// The number of points.
-fn all_points() -> u32 {
-    let reach = 2u * u32(params.reach);
-    return (params.size.x + reach) * (params.size.y + reach);
+// The index of a bin in a layer, by its column and row among all bins.
+fn index_of_bin(layer: u32, bin: vec2<u32>) -> u32 {
+    return (layer * params.bins.y + bin.y) * params.bins.x + bin.x;
+}
+
+// The position of the first point of a bin.
+fn origin_of_bin(bin: vec2<u32>) -> vec2<i32> {
+    return (params.first_bin + vec2<i32>(bin)) * bin_size();
 }
 
 fn pixel_at(place: vec2<i32>) -> u32 {
@@ -46,30 +64,7 @@ fn step_of(d: f32) -> u32 {
     return params.first_step + low;
 }
 
-fn sprite_of(step: u32, place: vec2<i32>) -> Sprite {
+fn sprite_of(pixel: u32, place: vec2<i32>) -> Sprite {
     let odd = vec2<u32>(place & vec2(1));
-    return sprites[4u * step + 2u * odd.y + odd.x];
-}
-
-// The pixel of the target at which a sprite begins.
-fn corner_of(sprite: Sprite, place: vec2<i32>) -> vec2<i32> {
-    return (place >> vec2(1u)) + vec2(sprite.left, sprite.top);
-}
-
-// Whether a point is drawn into the layers in front and behind.
-fn layers_of(point: u32) -> vec2<bool> {
-    if point >= all_points() {
-        return vec2(false);
-    }
-    let place = place_of(point);
-    let pixel = pixel_at(place);
-    let coc = coc_of(pixel);
-    if drawn(coc) == 0.0 {
-        return vec2(false);
-    }
-    let sprite = sprite_of(step_of(disparity[pixel]), place);
-    let corner = corner_of(sprite, place);
-    let opposite = corner + vec2<i32>(vec2(sprite.across, sprite.down));
-    let meets = all(corner < vec2<i32>(params.half)) && all(opposite > vec2(0));
-    return vec2(meets && coc < 0.0, meets && coc > 0.0);
+    return sprites[4u * step_of(disparity[pixel]) + 2u * odd.y + odd.x];
 }

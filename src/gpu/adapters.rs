@@ -58,8 +58,6 @@ pub struct Adapter {
     pub memory_bytes: Option<u64>,
     /// Whether it measures how long each pass takes.
     pub measures_time: bool,
-    /// Whether it blends floats of 32 bits.
-    pub blends_floats: bool,
     /// The size of the largest buffer that it can allocate.
     pub max_buffer_bytes: u64,
     /// The size of the largest part of a buffer that one pass can bind.
@@ -90,7 +88,6 @@ impl Adapter {
             },
             memory_bytes: memory_bytes(&handle),
             measures_time: features.contains(wgpu::Features::TIMESTAMP_QUERY),
-            blends_floats: features.contains(wgpu::Features::FLOAT32_BLENDABLE),
             max_buffer_bytes: limits.max_buffer_size,
             max_binding_bytes: limits.max_storage_buffer_binding_size,
             handle,

@@ -3,6 +3,8 @@
 use super::device::{Gpu, lock};
 use super::idle;
 use super::pace::{Submission, Work};
+use super::pipelines::PipelineKey;
+use super::recorded::{Command, Pass, encoded};
 use super::shader::Shader;
 use super::traffic;
 use crate::cancel::Cancel;
@@ -51,10 +53,6 @@ fn take(spare: &mut Vec<wgpu::Buffer>, bytes: usize, usage: BufferUsages) -> Opt
     Some(spare.swap_remove(fits))
 }
 
-fn encoder(gpu: &Gpu) -> wgpu::CommandEncoder {
-    gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
-}
-
 /// The size of a frame in the form that shaders use.
 pub fn pixels(size: Size) -> [u32; 2] {
     [size.width as u32, size.height as u32]
@@ -65,16 +63,17 @@ pub fn groups(width: usize, height: usize) -> [u32; 3] {
     [width.div_ceil(GROUP) as u32, height.div_ceil(GROUP) as u32, 1]
 }
 
-/// A sequence of passes that is being recorded. It is submitted in pieces: see [`pace`](super::pace).
+/// A sequence of passes that is being recorded. It is submitted in pieces: see [`pace`](super::pace). The pipelines of a
+/// piece are compiled together, which takes long the first time.
 pub struct Commands<'a> {
     pub gpu: &'a Arc<Gpu>,
     cancel: &'a Cancel,
-    pub(super) encoder: wgpu::CommandEncoder,
     /// What has been recorded since the last submission.
+    recorded: Vec<Command>,
     work: Work,
     /// The times of the beginning and the end of every pass, if the device can measure them.
     stamps: Option<wgpu::QuerySet>,
-    pub(super) passes: Vec<&'static str>,
+    passes: Vec<&'static str>,
     /// Buffers that the next job may reuse.
     taken: Vec<wgpu::Buffer>,
     /// Those that later passes of this job may reuse. Another job may not: its passes may run between two pieces of
@@ -92,24 +91,15 @@ impl<'a> Commands<'a> {
                 count: 2 * MAX_TIMED,
             })
         });
-        let (passes, taken, spare) = Default::default();
-        let (encoder, work) = (encoder(gpu), Work::default());
-        Commands { gpu, cancel, encoder, work, stamps, passes, taken, spare }
+        let (recorded, work, passes, taken, spare) = Default::default();
+        Commands { gpu, cancel, recorded, work, stamps, passes, taken, spare }
     }
 
     /// A buffer of `len` values that passes write and read. It may hold values of an earlier job; the device has
     /// finished that job before it begins this one.
     pub fn scratch<T: Pod>(&mut self, what: &'static str, len: usize) -> Result<wgpu::Buffer> {
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
-        self.reused(what, len * size_of::<T>(), usage)
-    }
-
-    /// The same for words from which indirect draws are read.
-    pub fn indirect(&mut self, what: &'static str, words: usize) -> Result<wgpu::Buffer> {
-        self.reused(what, words * size_of::<u32>(), BufferUsages::STORAGE | BufferUsages::INDIRECT)
-    }
-
-    fn reused(&mut self, what: &'static str, bytes: usize, usage: BufferUsages) -> Result<wgpu::Buffer> {
+        let bytes = len * size_of::<T>();
         let own = take(&mut self.spare, bytes, usage);
         let spare = own.or_else(|| take(&mut lock(&self.gpu.spare), bytes, usage));
         let buffer = spare.map_or_else(|| self.gpu.buffer(what, bytes, usage), Ok)?;
@@ -145,21 +135,9 @@ impl<'a> Commands<'a> {
         (groups, units): ([u32; 3], f64),
     ) -> Result<()> {
         self.begin(shader.name, units)?;
-        let stages = wgpu::ShaderStages::COMPUTE;
-        let (layout, bind_group) = self.bindings(shader.name, params, buffers, stages)?;
-        let pipeline = self.gpu.pipeline(shader, channels, &layout);
-        let stamps = self.stamps();
-        let timestamp_writes = stamps.as_ref().map(|(query_set, first)| wgpu::ComputePassTimestampWrites {
-            query_set,
-            beginning_of_pass_write_index: Some(*first),
-            end_of_pass_write_index: Some(first + 1),
-        });
-        let descriptor = wgpu::ComputePassDescriptor { label: Some(shader.name), timestamp_writes };
-        let mut pass = self.encoder.begin_compute_pass(&descriptor);
-        pass.set_pipeline(&pipeline);
-        pass.set_bind_group(0, &bind_group, &[]);
-        pass.dispatch_workgroups(groups[0], groups[1], groups[2]);
-        drop(pass);
+        let (layout, bind_group) = self.bindings(shader.name, params, buffers)?;
+        let (pipeline, stamps) = (PipelineKey { shader: *shader, channels, layout }, self.stamps());
+        self.recorded.push(Command::Pass(Pass { pipeline, bind_group, groups, stamps }));
         self.passes.push(shader.name);
         Ok(())
     }
@@ -213,7 +191,7 @@ impl<'a> Commands<'a> {
     }
 
     /// Makes room for a pass, and counts its work.
-    pub(super) fn begin(&mut self, shader: &'static str, units: f64) -> Result<()> {
+    fn begin(&mut self, shader: &'static str, units: f64) -> Result<()> {
         if !lock(&self.gpu.pace).fits(&self.work, shader, units, self.gpu.submission) {
             self.flush()?;
         }
@@ -223,19 +201,23 @@ impl<'a> Commands<'a> {
 
     /// Submits what has been recorded so far.
     pub fn flush(&mut self) -> Result<()> {
-        let recorded = std::mem::replace(&mut self.encoder, encoder(self.gpu));
+        let encoder = self.encoder();
         let work = std::mem::take(&mut self.work);
-        self.gpu.submit(recorded, work, self.cancel)?;
+        self.gpu.submit(encoder, work, self.cancel)?;
         Ok(())
     }
 
+    /// What has been recorded since the last submission, in the form that is submitted.
+    fn encoder(&mut self) -> wgpu::CommandEncoder {
+        encoded(self.gpu, &std::mem::take(&mut self.recorded))
+    }
+
     /// The bindings of a pass.
-    pub(super) fn bindings<P: Pod>(
+    fn bindings<P: Pod>(
         &self,
         name: &'static str,
         params: &P,
         buffers: &[Bound],
-        visibility: wgpu::ShaderStages,
     ) -> Result<(wgpu::BindGroupLayout, wgpu::BindGroup)> {
         let device = &self.gpu.device;
         // WGSL rounds the size of a structure up to its alignment, which is 16 bytes at most.
@@ -247,7 +229,7 @@ impl<'a> Commands<'a> {
         let kinds = std::iter::once(wgpu::BufferBindingType::Uniform).chain(buffers.iter().map(kind));
         let entry = |(binding, ty)| wgpu::BindGroupLayoutEntry {
             binding,
-            visibility,
+            visibility: wgpu::ShaderStages::COMPUTE,
             ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
             count: None,
         };
@@ -270,14 +252,14 @@ impl<'a> Commands<'a> {
     }
 
     /// The query set and the first query index for the times of the next pass, if it is timed.
-    pub(super) fn stamps(&self) -> Option<(wgpu::QuerySet, u32)> {
+    fn stamps(&self) -> Option<(wgpu::QuerySet, u32)> {
         let first = 2 * self.passes.len() as u32;
         self.stamps.clone().filter(|_| first < 2 * MAX_TIMED).map(|stamps| (stamps, first))
     }
 
     /// Copies a whole buffer.
     pub fn copy(&mut self, from: &wgpu::Buffer, to: &wgpu::Buffer) {
-        self.encoder.copy_buffer_to_buffer(from, 0, to, 0, from.size());
+        self.copy_part(from, 0, to, 0, from.size() as usize);
     }
 
     /// Copies a number of bytes between buffers.
@@ -290,7 +272,8 @@ impl<'a> Commands<'a> {
         bytes: usize,
     ) {
         let [from_byte, to_byte, bytes] = [from_byte, to_byte, bytes].map(|v| v as u64);
-        self.encoder.copy_buffer_to_buffer(from, from_byte, to, to_byte, bytes);
+        let (from, to) = (from.clone(), to.clone());
+        self.recorded.push(Command::Copy { from, from_byte, to, to_byte, bytes });
     }
 
     /// The number of buffers that have been handed out.
@@ -312,7 +295,8 @@ impl<'a> Commands<'a> {
         let spare = take(&mut lock(&gpu.spare_back), bytes as usize, back);
         let values =
             spare.map_or_else(|| gpu.buffer("the picture that comes back", bytes as usize, back), Ok)?;
-        self.encoder.copy_buffer_to_buffer(output, 0, &values, 0, bytes);
+        self.copy(output, &values);
+        let mut encoder = self.encoder();
         let timed = self.passes.len().min(MAX_TIMED as usize);
         let stamps = match &self.stamps {
             Some(stamps) if timed > 0 => {
@@ -320,13 +304,13 @@ impl<'a> Commands<'a> {
                 let resolve = BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC;
                 let resolved = gpu.buffer("timestamps", bytes, resolve)?;
                 let stamps_back = gpu.buffer("timestamps that come back", bytes, back)?;
-                self.encoder.resolve_query_set(stamps, 0..2 * timed as u32, &resolved, 0);
-                self.encoder.copy_buffer_to_buffer(&resolved, 0, &stamps_back, 0, bytes as u64);
+                encoder.resolve_query_set(stamps, 0..2 * timed as u32, &resolved, 0);
+                encoder.copy_buffer_to_buffer(&resolved, 0, &stamps_back, 0, bytes as u64);
                 Some(stamps_back)
             }
             _ => None,
         };
-        let submission = gpu.submit(self.encoder, self.work, self.cancel)?;
+        let submission = gpu.submit(encoder, self.work, self.cancel)?;
         traffic::count_readback(bytes + stamps.as_ref().map_or(0, wgpu::Buffer::size));
         self.taken.append(&mut self.spare);
         *lock(&gpu.spare) = self.taken;

@@ -2,14 +2,10 @@
 
 use super::adapters::{self, Adapter, Kind};
 use super::pace::{Measured, Pace, SUBMISSION, Submissions};
-use super::shader::Shader;
-#[cfg(feature = "test-shaders")]
-use super::shader::perturbed::perturbed;
 use super::traffic;
 use crate::error::{Error, Result};
 use bytemuck::Pod;
 use rayon::prelude::*;
-use std::borrow::Cow;
 use std::collections::HashMap;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -17,8 +13,9 @@ use std::time::{Duration, Instant};
 
 /// The open devices by process and adapter.
 type Open = HashMap<(u32, usize), Arc<Gpu>>;
+
 /// Pipelines by the name of the shader and the number of channels.
-type Pipelines<P> = HashMap<(&'static str, usize), Arc<P>>;
+type Pipelines = HashMap<(&'static str, usize), Arc<wgpu::ComputePipeline>>;
 
 /// An adapter that has been opened. Each process has one for each adapter, until it fails.
 pub struct Gpu {
@@ -40,8 +37,7 @@ pub struct Gpu {
     /// When it was last used, and whether a thread looks at that.
     last_used: Mutex<Instant>,
     pub(super) is_watched: AtomicBool,
-    pipelines: Mutex<Pipelines<wgpu::ComputePipeline>>,
-    pub(super) draws: Mutex<Pipelines<wgpu::RenderPipeline>>,
+    pub(super) pipelines: Mutex<Pipelines>,
     /// Buffers of the last job that the next job may reuse.
     pub(super) spare: Mutex<Vec<wgpu::Buffer>>,
     /// The same for the buffers in which pictures are transferred back.
@@ -58,8 +54,6 @@ static OPEN: Mutex<Option<Open>> = Mutex::new(None);
 pub struct Restrictions {
     /// The size of the largest buffer that a pass can bind.
     pub most_bytes: u64,
-    /// The optional features that they may use.
-    pub features: wgpu::Features,
     /// The memory for which bands are planned.
     pub memory_bytes: Option<u64>,
     /// The memory beyond which nothing can be allocated.
@@ -75,7 +69,6 @@ impl Restrictions {
     /// No restriction.
     pub const NONE: Restrictions = Restrictions {
         most_bytes: u64::MAX,
-        features: wgpu::Features::TIMESTAMP_QUERY.union(wgpu::Features::FLOAT32_BLENDABLE),
         memory_bytes: None,
         room_bytes: None,
         submission: SUBMISSION,
@@ -146,17 +139,10 @@ fn copy(bytes: &[u8], to: wgpu::WriteOnly<[u8]>) {
     to_rest.copy_from_slice(rest);
 }
 
-#[cfg(not(feature = "test-shaders"))]
-fn source(shader: &Shader) -> Cow<'static, str> {
-    shader.source.into()
-}
-
+/// The factor by which all quotients of shaders are off.
 #[cfg(feature = "test-shaders")]
-fn source(shader: &Shader) -> Cow<'static, str> {
-    match lock(&RESTRICTIONS).quotient {
-        1.0 => shader.source.into(),
-        factor => perturbed(shader.source, factor).into(),
-    }
+pub(super) fn quotient() -> f32 {
+    lock(&RESTRICTIONS).quotient
 }
 
 impl Gpu {
@@ -180,13 +166,12 @@ impl Gpu {
     }
 
     fn new(index: usize, adapter: &Adapter) -> Result<Gpu> {
-        let Restrictions { most_bytes, features, memory_bytes, room_bytes, submission, .. } =
-            *lock(&RESTRICTIONS);
+        let Restrictions { most_bytes, memory_bytes, room_bytes, submission, .. } = *lock(&RESTRICTIONS);
         let mut limits = adapter.handle.limits();
         limits.max_storage_buffer_binding_size = limits.max_storage_buffer_binding_size.min(most_bytes);
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("dofsim"),
-            required_features: adapter.handle.features() & features,
+            required_features: adapter.handle.features() & wgpu::Features::TIMESTAMP_QUERY,
             required_limits: limits.clone(),
             ..Default::default()
         };
@@ -219,7 +204,6 @@ impl Gpu {
             last_used: Mutex::new(Instant::now()),
             is_watched: AtomicBool::new(false),
             pipelines: Mutex::default(),
-            draws: Mutex::default(),
             spare: Mutex::default(),
             spare_back: Mutex::default(),
             fault,
@@ -379,53 +363,5 @@ impl Gpu {
         copy(bytes, staged.slice(..own));
         staged.slice(own..end).fill(0);
         Ok(())
-    }
-
-    /// The pipeline of a shader, compiled on its first use.
-    pub(super) fn pipeline(
-        &self,
-        shader: &Shader,
-        channels: usize,
-        layout: &wgpu::BindGroupLayout,
-    ) -> Arc<wgpu::ComputePipeline> {
-        let key = (shader.name, channels);
-        if let Some(pipeline) = lock(&self.pipelines).get(&key) {
-            return Arc::clone(pipeline);
-        }
-        let module = self.module(shader);
-        let layout = self.layout(shader.name, layout);
-        let constants = shader.constants(channels);
-        let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(shader.name),
-            layout: Some(&layout),
-            module: &module,
-            entry_point: None,
-            compilation_options: wgpu::PipelineCompilationOptions {
-                constants: &constants,
-                ..Default::default()
-            },
-            cache: None,
-        });
-        Arc::clone(lock(&self.pipelines).entry(key).or_insert(Arc::new(pipeline)))
-    }
-
-    /// A shader, compiled.
-    pub(super) fn module(&self, shader: &Shader) -> wgpu::ShaderModule {
-        let source = wgpu::ShaderSource::Wgsl(source(shader));
-        let descriptor = wgpu::ShaderModuleDescriptor { label: Some(shader.name), source };
-        // With the counters that end endless loops, drivers would not unroll loops.
-        let checks = wgpu::ShaderRuntimeChecks { force_loop_bounding: false, ..Default::default() };
-        // SAFETY: the project's own shaders have no endless loop: each counts up to a bound. Every other check stays
-        // on.
-        unsafe { self.device.create_shader_module_trusted(descriptor, checks) }
-    }
-
-    /// The layout of a pipeline with one bind group.
-    pub(super) fn layout(&self, name: &'static str, group: &wgpu::BindGroupLayout) -> wgpu::PipelineLayout {
-        self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some(name),
-            bind_group_layouts: &[Some(group)],
-            ..Default::default()
-        })
     }
 }

@@ -33,7 +33,7 @@ macro_rules! shared {
 pub(crate) use shared;
 
 /// A compute shader with one entry point. Binding 0 is the uniform `params`, the following ones are buffers.
-#[derive(Debug)]
+#[derive(Debug, Clone, Copy)]
 pub struct Shader {
     /// Its path in `shaders/`, without suffix.
     pub name: &'static str,

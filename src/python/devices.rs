@@ -1,6 +1,5 @@
 //! `dofsim.devices`, and the names of devices.
 
-use super::errors::choice;
 use crate::device::{Device, without_gpu};
 use crate::gpu::visible::Visible;
 use crate::gpu::{self, Restrictions, adapters};
@@ -34,8 +33,6 @@ const VARIABLE: &str = "DOFSIM_DEVICE";
 ///     Its memory, if the driver says so.
 /// measures_time : bool
 ///     Whether `Scene.profile` has times.
-/// blends_floats : bool
-///     Whether ``"sprites"`` are drawn. Otherwise every pixel gathers them, which takes longer.
 /// max_buffer_bytes, max_binding_bytes : int
 ///     The largest buffer, and how much of one a pass can see.
 #[pyclass(name = "Device", module = "dofsim", frozen, eq, get_all)]
@@ -50,7 +47,6 @@ pub struct PyDevice {
     visible: bool,
     memory_bytes: Option<u64>,
     measures_time: bool,
-    blends_floats: bool,
     max_buffer_bytes: u64,
     max_binding_bytes: u64,
 }
@@ -88,7 +84,6 @@ pub fn devices(py: Python<'_>) -> Vec<PyDevice> {
         visible: adapter.place_in(&visible).is_some(),
         memory_bytes: adapter.memory_bytes,
         measures_time: adapter.measures_time,
-        blends_floats: adapter.blends_floats,
         max_buffer_bytes: adapter.max_buffer_bytes,
         max_binding_bytes: adapter.max_binding_bytes,
     };
@@ -142,22 +137,16 @@ pub fn lacking_for_gpu(py: Python<'_>) -> Vec<String> {
 ///     The time that one submission should take.
 /// quotient : float, optional
 ///     A factor by which all quotients of shaders are off, in builds with the feature ``test-shaders``.
-/// blending : {"float32", "none"}, optional
-///     Whether floats of 32 bits are blended, where the adapter can (default), or not.
 #[pyfunction]
-#[pyo3(signature = (*, max_binding_bytes=None, memory_bytes=None, room_bytes=None, submission_s=None, quotient=None,
-    blending="float32"))]
+#[pyo3(signature = (*, max_binding_bytes=None, memory_bytes=None, room_bytes=None, submission_s=None, quotient=None))]
 pub fn restrict_devices(
     max_binding_bytes: Option<u64>,
     memory_bytes: Option<u64>,
     room_bytes: Option<u64>,
     submission_s: Option<f64>,
     quotient: Option<f32>,
-    blending: &str,
 ) -> PyResult<()> {
     let none = Restrictions::NONE;
-    let without_blending = none.features.difference(wgpu::Features::FLOAT32_BLENDABLE);
-    let features = choice("blending", blending, &[("float32", none.features), ("none", without_blending)])?;
     let submission = submission_s.map(Duration::try_from_secs_f64).transpose();
     let submission = submission.map_err(|error| PyValueError::new_err(format!("submission_s: {error}")))?;
     if let Some(quotient) = quotient.filter(|quotient| !quotient.is_finite()) {
@@ -168,7 +157,6 @@ pub fn restrict_devices(
     }
     gpu::restrict(Restrictions {
         most_bytes: max_binding_bytes.unwrap_or(none.most_bytes),
-        features,
         memory_bytes,
         room_bytes,
         submission: submission.unwrap_or(none.submission),

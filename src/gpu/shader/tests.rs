@@ -17,7 +17,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// All shaders.
-pub const SHADERS: [Shader; 37] = [
+pub const SHADERS: [Shader; 33] = [
     by_focus::BY_FOCUS,
     carried::CARRIED,
     falloff::FALLOFF,
@@ -45,11 +45,7 @@ pub const SHADERS: [Shader; 37] = [
     magnify::MAGNIFY,
     poisson::POISSON,
     resolve::RESOLVE,
-    sprites::COUNT,
-    sprites::OFFSETS,
-    sprites::APPEND,
-    sprites::PLACE,
-    sprites::WEIGH,
+    sprites::BIN,
     sprites::GATHER,
     sprites::BEHIND,
     sprites::REST,
@@ -88,8 +84,7 @@ fn every_shader_is_tested_here_and_has_one_entry_point() {
     let mut found = Vec::new();
     files(&Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders"), &mut found);
     for (name, text) in found {
-        let stages = ["@compute", "@vertex", "@fragment"];
-        let entries: usize = stages.iter().map(|stage| text.matches(stage).count()).sum();
+        let entries = text.matches("@compute").count();
         let tested = SHADERS.iter().filter(|shader| shader.name == name).count();
         assert!(entries <= 1 && entries == tested, "{name}: {entries} entry points, tested {tested} times");
     }
@@ -126,7 +121,7 @@ fn structures_lie_as_in_rust() {
 }
 
 /// Constants that both shaders and Rust state: a part of the shader's name, the constant, and Rust's value.
-const STATED_TWICE: [(&str, &str, f64); 19] = [
+const STATED_TWICE: [(&str, &str, f64); 23] = [
     ("levels/filter", "GROUP", GROUP as f64),
     ("lens/", "NOWHERE", lens::layered::NOWHERE as f64),
     ("lens/", "NO_PLANES", lens::layered::NO_PLANES as f64),
@@ -144,21 +139,24 @@ const STATED_TWICE: [(&str, &str, f64); 19] = [
     ("taps", "MIX_BOTH", Mix::Both as u32 as f64),
     ("", "SHIFT", Measure::Shift as u32 as f64),
     ("poisson", "LEAK_TEST_ON", LeakTest::On as u32 as f64),
+    ("sprites/gather", "GROUP", GROUP as f64),
+    ("sprites/", "BIN_COLUMNS", sprites::BIN_SIZE[0] as f64),
+    ("sprites/", "BIN_ROWS", sprites::BIN_SIZE[1] as f64),
+    ("sprites/", "SPAN", sprites::SPAN as f64),
     ("sprites/", "IN_FRONT", sprites::Depth::InFront as u32 as f64),
     ("sprites/", "BEHIND", sprites::Depth::Behind as u32 as f64),
 ];
 /// Constants that only shaders use.
 const OF_SHADERS: [&str; 8] =
-    ["CAPACITY", "CORNERS", "FARTHEST", "LEAST_TOTAL", "MARGIN", "SIDE", "TAU", "THREADS"];
+    ["BEYOND", "CAPACITY", "FARTHEST", "LEAST_TOTAL", "MARGIN", "SIDE", "TAU", "THREADS"];
 
 /// Threads of a shader's workgroups along each axis, as the passes expect them.
 fn threads(shader: &str) -> [u32; 3] {
     let [width, height] = match shader {
         "lens/in_focus" | "lens/disc" | "lens/sweep" | "lens/highlights" => [TILE.0, lens::frame::GROUP_ROWS],
-        "sprites/count" | "sprites/append" | "sprites/offsets" | "sprites/rest" => [sprites::CHUNK, 1],
+        "sprites/bin" => sprites::BIN_SIZE,
+        "sprites/rest" => [sprites::SPAN, 1],
         "lens/sum_rows" => [256, 1],
-        // These are not compute shaders.
-        "sprites/place" | "sprites/weigh" => return [0; 3],
         _ => [GROUP, GROUP],
     };
     [width as u32, height as u32, 1]
@@ -174,6 +172,7 @@ fn constants_and_workgroups_are_as_in_rust() {
             let name = constant.name.as_deref().unwrap();
             let value = match module.global_expressions[constant.init] {
                 Expression::Literal(Literal::U32(v)) => f64::from(v),
+                Expression::Literal(Literal::I32(v)) => f64::from(v),
                 Expression::Literal(Literal::F32(v)) => f64::from(v),
                 ref other => panic!("{}: {name} is {other:?}", shader.name),
             };
@@ -221,8 +220,7 @@ fn translate(shader: &Shader, module: &Module, info: &ModuleInfo, channels: usiz
     hlsl::Writer::new(&mut text, &options, &pipeline)
         .write(&module, &info, None)
         .unwrap_or_else(|error| panic!("{} to HLSL: {error}", shader.name));
-    // Metal 2 is the first version with the instance counts that indirect draws need.
-    let options = msl::Options { fake_missing_bindings: true, lang_version: (2, 0), ..Default::default() };
+    let options = msl::Options { fake_missing_bindings: true, ..Default::default() };
     msl::write_string(&module, &info, &options, &msl::PipelineOptions::default())
         .unwrap_or_else(|error| panic!("{} to Metal: {error}", shader.name));
 }

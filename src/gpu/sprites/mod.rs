@@ -1,18 +1,17 @@
 //! Carries out [`plan::sprites`](crate::plan::sprites).
 //!
-//! Points are appended to a list, drawn as instanced quads that the device blends into targets of half the size, and
-//! resolved over the picture. The list is in the order of the picture: each workgroup counts its points, and the
-//! prefix sums of these counts are the positions at which each workgroup appends its own. Quads are blended in the
-//! order of the list, so that every run adds the same numbers in the same order.
+//! Points are put into bins of some columns and rows, each with a bit for every point that is drawn and with the
+//! distance that its sprites reach. Then every workgroup owns a tile of a target of half the size: it goes through the
+//! bins that reach it, and each of its texels adds up the sprites that cover it. The targets are resolved over the
+//! picture. Bins come in the order of the picture, so that every run adds the same numbers in the same order.
 
 mod table;
 
 pub use table::Table;
 
 use super::bands::Requirements;
-use super::commands::Bound::{Read, Write};
-use super::commands::{Commands, groups, pixels};
-use super::draw::{Draw, Targets};
+use super::commands::Bound::{self, Read, Write};
+use super::commands::{Commands, GROUP, groups, pixels};
 use super::picture::GpuPicture;
 use super::shader::{Defocus, Shader, shader, shared};
 use crate::error::Result;
@@ -21,27 +20,15 @@ use crate::plan::sprites::{Settings, step};
 use std::ops::RangeInclusive;
 use table::{Sprite, boundaries};
 
-pub const COUNT: Shader = shader!(
-    "sprites/count",
+pub const BIN: Shader = shader!(
+    "sprites/bin",
     ["mirror", "picture", "depth", "defocus", "sprites/circles", "sprites/points"],
-    [Params, Sprite, Defocus]
+    [Params, Sprite, Bin, Defocus]
 );
-pub const OFFSETS: Shader = shader!("sprites/offsets", [], [OffsetParams]);
-pub const APPEND: Shader = shader!(
-    "sprites/append",
-    ["mirror", "picture", "depth", "defocus", "sprites/circles", "sprites/points"],
-    [Params, Sprite, Point, Defocus]
-);
-pub const PLACE: Shader = shader!(
-    "sprites/place",
-    ["mirror", "picture", "depth", "defocus", "sprites/circles", "sprites/points", "sprites/quad"],
-    [Params, Sprite, Point, Defocus]
-);
-pub const WEIGH: Shader = shader!("sprites/weigh", ["sprites/quad"], []);
 pub const GATHER: Shader = shader!(
     "sprites/gather",
     ["mirror", "picture", "depth", "defocus", "sprites/circles", "sprites/points"],
-    [Params, Sprite, Defocus]
+    [Params, Sprite, Bin, Defocus]
 );
 pub const BEHIND: Shader = shader!(
     "sprites/behind",
@@ -50,56 +37,60 @@ pub const BEHIND: Shader = shader!(
 );
 pub const REST: Shader = shader!(
     "sprites/rest",
-    ["mirror", "picture", "depth", "interleaved", "defocus", "sprites/circles"],
+    ["mirror", "picture", "depth", "interleaved", "defocus", "sprites/circles", "sprites/spans"],
     [Params, Defocus]
 );
 pub const IN_FRONT: Shader = shader!(
     "sprites/in_front",
-    ["mirror", "picture", "depth", "interleaved", "defocus", "sprites/circles", "sprites/light"],
+    [
+        "mirror",
+        "picture",
+        "depth",
+        "interleaved",
+        "defocus",
+        "sprites/circles",
+        "sprites/light",
+        "sprites/spans"
+    ],
     [Params, Defocus]
 );
 
-const DRAW: Draw = Draw { name: "sprites/draw", vertex: &PLACE, fragment: &WEIGH };
-
-/// Number of points of one workgroup.
-pub const CHUNK: usize = 256;
-/// Number of workgroups in a row of them; a device may be limited to 65535.
-const MOST_ACROSS: usize = 1 << 14;
-/// The largest number of pixels that an invocation of [`GATHER`] reads in one pass.
-const MAX_READS: usize = 30_000;
-/// Number of words of one indirect draw.
-const DRAW_WORDS: usize = 4;
+/// Number of columns and rows of points in a bin.
+pub const BIN_SIZE: [usize; 2] = [32, 8];
+/// Number of pixels of a row after which sums begin anew.
+pub const SPAN: usize = 256;
+/// The largest number of loop iterations of an invocation of [`GATHER`] in one pass; more work is divided among passes.
+/// So no pass takes so long that a driver ends it, and the limit of software rasterisers is not reached.
+const MAX_LOOPS: usize = 40_000;
 
 shared! {
     struct Params {
         size: [u32; 2],
         half: [u32; 2],
-        pitch: u32,
+        first_bin: [i32; 2],
+        bins: [u32; 2],
         reach: i32,
         boundaries: u32,
         first_step: u32,
-        groups_across: u32,
         layer: u32,
         first_row: i32,
         end_row: i32,
         threshold_px: f32,
         max_coc_px: f32,
         top: u32,
-        _gap: u32,
+        _gap: [u32; 3],
         shift: Defocus,
     }
 }
 
 shared! {
-    struct OffsetParams {
-        groups: u32,
-    }
-}
-
-shared! {
-    struct Point {
-        number: u32,
-        step: u32,
+    struct Bin {
+        least: [i32; 2],
+        greatest: [i32; 2],
+        rows: [u32; BIN_SIZE[1]],
+        before: [u32; BIN_SIZE[1]],
+        count: u32,
+        _end: u32,
     }
 }
 
@@ -118,7 +109,7 @@ impl Light {
     }
 }
 
-/// A layer into which sprites are drawn.
+/// A layer to which sprites belong.
 #[derive(Debug, Clone, Copy)]
 pub enum Depth {
     InFront = 0,
@@ -129,10 +120,12 @@ pub enum Depth {
 /// background behind the layer in front reads as far again.
 pub fn requirements(settings: &Settings, largest_px: f64) -> Requirements {
     let reach_px = largest_px.min(settings.max_coc_px()).ceil() as usize + 6;
-    let bytes_per_px = size_of::<[f32; 4]>();
-    // The list, the sums of the rest, and for every fourth pixel the light of two layers and the targets.
-    let light = size_of::<[f32; 4]>() + size_of::<f32>();
-    let all_bytes_per_px = size_of::<Point>() + light + (3 * light).div_ceil(4);
+    let (color, light) = (size_of::<[f32; 4]>(), size_of::<[f32; 4]>() + size_of::<f32>());
+    // The sums of the rest, of which there are a few more than pixels.
+    let (bytes_per_px, sums) = (color + color.div_ceil(SPAN), light + light.div_ceil(SPAN));
+    // With them, for every fourth pixel the light of two layers, and the bins of both.
+    let bins = (2 * size_of::<Bin>()).div_ceil(BIN_SIZE[0] * BIN_SIZE[1]);
+    let all_bytes_per_px = sums + (2 * light).div_ceil(4) + bins;
     let reaching = Requirements::reaching(2 * reach_px);
     Requirements { bytes_per_px, all_bytes_per_px, around_px: reach_px, block_px: 2, ..reaching }
 }
@@ -162,22 +155,22 @@ pub fn render(
     let step_at = |d: f32| step_at(optics, settings, d);
     let reach = table.reach(&steps);
     let boundaries = boundaries(scene.disparity_range, &steps, step_at);
-    let half = (size.width.div_ceil(2), size.height.div_ceil(2));
+    let bins = Bins::new([size.width, size.height], reach);
     let params = Params {
         size: pixels(size),
-        half: [half.0 as u32, half.1 as u32],
-        pitch: Targets::pitch(half.0) as u32,
+        half: [size.width, size.height].map(|pixels| pixels.div_ceil(2) as u32),
+        first_bin: bins.first,
+        bins: bins.count,
         reach: reach as i32,
         boundaries: boundaries.len() as u32,
         first_step: table.number(*steps.start()) as u32,
-        groups_across: 0,
         layer: 0,
         first_row: 0,
         end_row: 0,
         threshold_px: settings.threshold_px() as f32,
         max_coc_px: settings.max_coc_px() as f32,
         top: 0,
-        _gap: 0,
+        _gap: [0; 3],
         shift: optics.defocus(Measure::Shift, 1.0).into(),
     };
     let boundaries = gpu.upload("the boundaries between steps", &boundaries)?;
@@ -193,11 +186,12 @@ pub fn render(
     let buffers = [input[0], input[1], Read(&behind.color), Read(&behind.coverage), Write(&picture)];
     commands.pass(&BEHIND, size.channels, &params, &buffers, on_all)?;
     if let Some(light) = &in_front {
-        let sums = (size.width + 1) * size.height;
+        let spans = size.width.div_ceil(SPAN);
+        let sums = (size.width + spans) * size.height;
         let colors = commands.scratch::<[f32; 4]>("the sums of what is not in front", sums)?;
         let seen = commands.scratch::<f32>("how much of it there is", sums)?;
         let buffers = [input[0], input[1], Read(&picture), Write(&colors), Write(&seen)];
-        commands.pass(&REST, size.channels, &params, &buffers, [size.height as u32, 1, 1])?;
+        commands.pass(&REST, size.channels, &params, &buffers, [size.height as u32, spans as u32, 1])?;
         let sums = [Read(&colors), Read(&seen)];
         let light = [Read(&light.color), Read(&light.coverage)];
         let buffers = [input[0], input[1], light[0], light[1], sums[0], sums[1], Write(&picture)];
@@ -207,6 +201,22 @@ pub fn render(
         commands.rows(&IN_FRONT, size.channels, params, &buffers, work)?;
     }
     Ok(picture)
+}
+
+/// The bins of a picture and of its mirror images within reach.
+struct Bins {
+    /// Column and row of the first one; the bin that begins with the picture is in column and row 0.
+    first: [i32; 2],
+    /// Number of columns and rows.
+    count: [u32; 2],
+}
+
+impl Bins {
+    fn new(size: [usize; 2], reach: usize) -> Bins {
+        let before = BIN_SIZE.map(|side| reach.div_ceil(side));
+        let count = |i: usize| before[i] + (size[i] + reach).div_ceil(BIN_SIZE[i]);
+        Bins { first: before.map(|count| -(count as i32)), count: [count(0) as u32, count(1) as u32] }
+    }
 }
 
 /// The points that are drawn.
@@ -220,7 +230,7 @@ struct Points<'a> {
 }
 
 impl Points<'_> {
-    fn buffers(&self) -> [super::commands::Bound<'_>; 4] {
+    fn buffers(&self) -> [Bound<'_>; 4] {
         let Points { scene, disparity, table, boundaries, .. } = self;
         [Read(&scene.color), Read(disparity), Read(boundaries), Read(&table.sprites)]
     }
@@ -228,80 +238,66 @@ impl Points<'_> {
     /// The light of the layers in front and behind, if any of these steps are in them.
     fn layers(&self, commands: &mut Commands, steps: &RangeInclusive<i32>) -> Result<[Option<Light>; 2]> {
         let wanted = [*steps.start() < 0, *steps.end() > 0].map(|any| any && self.reach > 0);
-        let half = self.params.half.map(|v| v as usize);
         if wanted == [false; 2] {
             return Ok([None, None]);
         }
-        let targets = Targets::new(commands.gpu, half[0], half[1]);
-        let list = targets.map(|targets| Ok((targets, self.list(commands)?))).transpose()?;
-        let mut layer = |depth: Depth| -> Result<Option<Light>> {
-            if !wanted[depth as usize] {
-                return Ok(None);
-            }
-            let light = Light::new(commands, self.params.pitch as usize * half[1])?;
-            match &list {
-                Some((targets, list)) => self.draw(commands, depth, targets, list, &light),
-                None => self.gather(commands, depth, &light),
-            }?;
-            Ok(Some(light))
-        };
+        let bins = self.bins(commands)?;
+        let mut layer =
+            |depth: Depth| wanted[depth as usize].then(|| self.gather(commands, depth, &bins)).transpose();
         Ok([layer(Depth::InFront)?, layer(Depth::Behind)?])
     }
 
-    /// The list of all points, and the two indirect draws for it.
-    fn list(&self, commands: &mut Commands) -> Result<(wgpu::Buffer, wgpu::Buffer)> {
-        let size = self.scene.size;
-        let all = (size.width + 2 * self.reach) * (size.height + 2 * self.reach);
-        let chunks = all.div_ceil(CHUNK);
-        let across = chunks.min(MOST_ACROSS);
-        let groups = [across as u32, chunks.div_ceil(across) as u32, 1];
-        let chunks = across * groups[1] as usize;
-        let params = Params { groups_across: across as u32, ..self.params };
-        let offsets = commands.scratch::<[u32; 2]>("the places in the list", chunks)?;
-        let draws = commands.indirect("the draws", 2 * DRAW_WORDS)?;
-        let list = commands.scratch::<Point>("the list of sprites", all)?;
-
+    /// The bins of both layers.
+    fn bins(&self, commands: &mut Commands) -> Result<wgpu::Buffer> {
+        let [across, down] = self.params.bins;
+        let bins = commands.scratch::<Bin>("the bins of sprites", 2 * across as usize * down as usize)?;
         let [color, disparity, boundaries, sprites] = self.buffers();
-        let buffers = [color, disparity, boundaries, sprites, Write(&offsets)];
-        commands.pass(&COUNT, size.channels, &params, &buffers, groups)?;
-        let of_groups = OffsetParams { groups: chunks as u32 };
-        commands.pass(&OFFSETS, size.channels, &of_groups, &[Write(&offsets), Write(&draws)], [1, 1, 1])?;
-        let buffers = [color, disparity, boundaries, sprites, Read(&offsets), Write(&list)];
-        commands.pass(&APPEND, size.channels, &params, &buffers, groups)?;
-        Ok((list, draws))
+        let buffers = [color, disparity, boundaries, sprites, Write(&bins)];
+        commands.pass(&BIN, self.scene.size.channels, &self.params, &buffers, [across, down, 2])?;
+        Ok(bins)
     }
 
-    fn draw(
-        &self,
-        commands: &mut Commands,
-        depth: Depth,
-        targets: &Targets,
-        (list, draws): &(wgpu::Buffer, wgpu::Buffer),
-        light: &Light,
-    ) -> Result<()> {
-        let params = Params { layer: depth as u32, ..self.params };
-        let [color, disparity, boundaries, sprites] = self.buffers();
-        let buffers = [color, disparity, boundaries, sprites, Read(list), Read(&self.table.weights)];
-        let place = (depth as usize * DRAW_WORDS * size_of::<u32>()) as u64;
-        commands.draw(&DRAW, self.scene.size.channels, &params, &buffers, (draws, place), targets)?;
-        targets.copy(commands, &light.color, &light.coverage);
-        Ok(())
-    }
-
-    fn gather(&self, commands: &mut Commands, depth: Depth, light: &Light) -> Result<()> {
-        let [color, disparity, boundaries, sprites] = self.buffers();
-        let input = [color, disparity, boundaries, sprites, Read(&self.table.weights)];
-        let buffers: Vec<_> =
-            input.into_iter().chain([Write(&light.color), Write(&light.coverage)]).collect();
+    /// Adds up the sprites of one layer.
+    fn gather(&self, commands: &mut Commands, depth: Depth, bins: &wgpu::Buffer) -> Result<Light> {
         let [width, height] = self.params.half.map(|v| v as usize);
-        let reach = self.reach as i32;
-        let rows_at_once = (MAX_READS / (2 * self.reach + 2)).max(1);
-        for first_row in (-reach..reach + 2).step_by(rows_at_once) {
-            let end_row = (first_row + rows_at_once as i32).min(reach + 2);
-            let params = |top| Params { layer: depth as u32, first_row, end_row, top, ..self.params };
-            let work = (width, height, rows_at_once * (2 * self.reach + 2));
-            commands.rows(&GATHER, self.scene.size.channels, params, &buffers, work)?;
+        let light = Light::new(commands, width * height)?;
+        let [color, disparity, boundaries, sprites] = self.buffers();
+        let tables = [boundaries, sprites, Read(bins), Read(&self.table.weights)];
+        let buffers: Vec<_> = [color, disparity]
+            .into_iter()
+            .chain(tables)
+            .chain([Write(&light.color), Write(&light.coverage)])
+            .collect();
+        // The rows of bins within reach of a tile, which is as high as so many points and begins with a bin.
+        let rows = (2 * GROUP + self.reach) / BIN_SIZE[1] + 1 + self.reach.div_ceil(BIN_SIZE[1]);
+        let at_once = (MAX_LOOPS / self.loops_of_row()).max(1);
+        for first_row in (0..rows).step_by(at_once) {
+            let end_row = (first_row + at_once).min(rows);
+            let params = |top| Params {
+                layer: depth as u32,
+                first_row: first_row as i32,
+                end_row: end_row as i32,
+                top,
+                ..self.params
+            };
+            let points = (end_row - first_row) * BIN_SIZE[1] * self.points_across();
+            commands.rows(&GATHER, self.scene.size.channels, params, &buffers, (width, height, points))?;
         }
-        Ok(())
+        Ok(light)
+    }
+
+    /// The largest number of points in a row that cover one texel.
+    fn points_across(&self) -> usize {
+        2 * self.reach + 2
+    }
+
+    /// The largest number of loop iterations of an invocation for a row of bins: for each bin those that list it, hold its
+    /// points and add them, with the search for the step of a point and with the bin's rows, and in each row the points.
+    fn loops_of_row(&self) -> usize {
+        let [columns, rows] = BIN_SIZE;
+        let across = (2 * GROUP + 2 * self.reach).div_ceil(columns) + 2;
+        let search = (u32::BITS - self.params.boundaries.leading_zeros()) as usize;
+        // A list of up to 256 bins takes 9.
+        9 + across * (3 + search + rows) + rows * self.points_across()
     }
 }
