@@ -25,6 +25,8 @@ pub const SAME_SURFACE_PX: f32 = 2.0;
 const BEHIND_PX: f32 = 0.5;
 /// A lens sees no farther behind a silhouette than the difference in shift; the margin allows for rounding.
 const MARGIN_PX: f32 = 2.0;
+/// Over the last pixel of the margin, what rays reach counts less and less, so that none begins to count all at once.
+const FADE_PX: f32 = 1.0;
 /// Far from edges, rays march from a grid of pixels only. These are its spacings along each axis of a block, the one
 /// for the pixels farthest from edges first.
 const SPACINGS_PX: [usize; 2] = [4, 2];
@@ -55,6 +57,8 @@ struct Exit {
     color: [f32; 4],
     light: f32,
     source: Source,
+    /// How much it counts: less and less as the lens hardly reaches it.
+    share: f32,
 }
 
 /// A pixel on a ray.
@@ -204,14 +208,15 @@ impl Surfaces<'_> {
                     return None;
                 }
                 if s[here] <= s_start - CONNECTED_PX {
-                    let uncovered = step.distance <= s_start - s[here] + origin.margin_px;
+                    let left_px = s_start - s[here] + origin.margin_px - step.distance;
                     let exit = || {
                         let (mut color, source, index) = self.pure_beyond(origin, here, &ray[k..]);
                         let light = self.limits.going_on(&color, index);
                         color[..self.frame.lights].iter_mut().for_each(|v| *v *= light);
-                        Exit { distance: step.distance, s: s[here], color, light, source }
+                        let share = (left_px / FADE_PX).min(1.0);
+                        Exit { distance: step.distance, s: s[here], color, light, source, share }
                     };
-                    return uncovered.then(exit);
+                    return (left_px > 0.0).then(exit);
                 }
             }
             k += 1;
@@ -242,7 +247,7 @@ fn surface_of(exits: &[Exit]) -> Option<f32> {
     // The arrays are padded with entries that agree with nothing, so that the loops have a fixed length.
     let (mut s, mut weight, mut votes) = ([f32::NAN; DIRECTIONS], [0.0; DIRECTIONS], [0.0f32; DIRECTIONS]);
     for (i, h) in exits.iter().enumerate() {
-        (s[i], weight[i]) = (h.s, 1.0 / (h.distance * h.distance));
+        (s[i], weight[i]) = (h.s, h.share / (h.distance * h.distance));
     }
     for (other, weight) in s.iter().zip(weight).take(exits.len()) {
         for (votes, s) in votes.iter_mut().zip(s) {
@@ -253,27 +258,37 @@ fn surface_of(exits: &[Exit]) -> Option<f32> {
     found.reduce(|a, b| if b.0 > a.0 { b } else { a }).map(|(_, s)| s)
 }
 
+/// The mean of the middle quarter of some values with weights, in the order of size. A median would jump as a value is
+/// added, however little that counts.
+fn middle_mean(values: &mut [(f32, f32)]) -> f32 {
+    values.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    let all: f32 = values.iter().map(|(_, weight)| weight).sum();
+    let (from, to) = (0.375 * all, 0.625 * all);
+    let (mut before, mut sum) = (0.0, 0.0);
+    for (value, weight) in values {
+        let within = (before + *weight).min(to) - f32::max(before, from);
+        sum += within.max(0.0) * *value;
+        before += *weight;
+    }
+    sum / (to - from)
+}
+
 /// The hidden surface, merged from the exits around it. The first `lights` channels of their colours hold light.
 fn merge<C: Cargo>(exits: &[Exit], lights: usize, cargo: &C) -> Option<Found<C::Load>> {
     let surface = surface_of(exits)?;
     let on_surface = |h: &&Exit| (h.s - surface).abs() < SAME_SURFACE_PX;
 
     // What is bright for one ray alone must not be smeared over the whole hidden region.
-    let mut brightness = [0.0; DIRECTIONS];
-    let (mut all, mut n) = ([0.0; DIRECTIONS], 0);
-    for (h, brightness) in exits.iter().zip(&mut brightness) {
-        *brightness = h.color[..lights].iter().sum::<f32>();
-        if on_surface(&h) {
-            all[n] = *brightness;
-            n += 1;
-        }
+    let brightness = |h: &Exit| h.color[..lights].iter().sum::<f32>();
+    let (mut all, mut n) = ([(0.0, 0.0); DIRECTIONS], 0);
+    for h in exits.iter().filter(on_surface) {
+        all[n] = (brightness(h), h.share);
+        n += 1;
     }
-    let (_, median, _) = all[..n].select_nth_unstable_by(n / 2, f32::total_cmp);
-    let most = 4.0 * median.max(f32::MIN_POSITIVE);
-    // All of what is up to twice as bright as the median, and nothing from four times on.
-    let typical = |brightness: f32| (2.0 - 2.0 * brightness / most).clamp(0.0, 1.0);
-    let weighed = exits.iter().zip(brightness).filter(|(h, _)| on_surface(h));
-    let weighed = weighed.map(|(h, brightness)| (h, typical(brightness) / h.distance));
+    let most = 4.0 * middle_mean(&mut all[..n]).max(f32::MIN_POSITIVE);
+    // All of what is up to twice as bright as that, and nothing from four times on.
+    let typical = |h: &Exit| (2.0 - 2.0 * brightness(h) / most).clamp(0.0, 1.0);
+    let weighed = exits.iter().filter(on_surface).map(|h| (h, h.share * typical(h) / h.distance));
 
     let (mut weight, mut s, mut color) = (0.0, 0.0, [0.0; 4]);
     for (h, w) in weighed.clone() {
@@ -354,7 +369,14 @@ impl<C: Cargo> Search<'_, C> {
         }
         let from_border = x.min(frame.size.width - 1 - x).min(y).min(frame.size.height - 1 - y);
         let origin = Origin { x, y, index, inside: from_border > self.reach, margin_px };
-        let none = Exit { distance: 0.0, s: 0.0, color: [0.0; 4], light: 1.0, source: Source::Pixel(index) };
+        let none = Exit {
+            distance: 0.0,
+            s: 0.0,
+            color: [0.0; 4],
+            light: 1.0,
+            source: Source::Pixel(index),
+            share: 1.0,
+        };
         let mut exits = [none; DIRECTIONS];
         let mut found = 0;
         for ray in &self.rays {
@@ -455,7 +477,9 @@ pub fn hidden<C: Cargo>(
     let blocks = ShiftBounds::new(frame, hiding);
     let s_min = blocks.min_s.iter().copied().fold(f32::INFINITY, f32::min);
     let s_max = blocks.max_s.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-    let reach = (s_max - s_min + MARGIN_PX).ceil() as usize;
+    // Behind the last exit they look on, along diagonals in longer steps.
+    let beyond_px = BEYOND_EDGE as f32 * std::f32::consts::SQRT_2;
+    let reach = (s_max - s_min + MARGIN_PX + beyond_px).ceil() as usize;
     let reach = reach.min(width.max(height));
     let rays = rays(reach, width);
 
