@@ -42,12 +42,13 @@ def test_a_thin_bar_keeps_its_light(resolution):
     color = np.full((height, width, 3), 0.1)
     shift = np.full((height, width), -60.0)
     bar = np.abs(np.arange(width) - middle) < 2
-    color[:, bar], shift[:, bar] = 0.9, 110.0
+    # Not so bright that it would be a highlight, which mirror images do not have.
+    color[:, bar], shift[:, bar] = 0.4, 110.0
     out = render(color, shift, resolution=resolution)[16:-16, :, 0].mean(0) - 0.1
     # The wall is as bright everywhere, so that the light of the bar is its width.
-    assert_allclose(out.sum(), 3 * 0.8, rtol=0.03)
+    assert_allclose(out.sum(), 3 * 0.3, rtol=0.03)
     place = (np.arange(width) - middle) / 110.0
-    profile = 3 * 0.8 * np.sqrt(np.maximum(0.0, 1.0 - place**2)) * 2.0 / (np.pi * 110.0)
+    profile = 3 * 0.3 * np.sqrt(np.maximum(0.0, 1.0 - place**2)) * 2.0 / (np.pi * 110.0)
     # Some ten of 512 lens points see the bar from a pixel, and of those of an eighth of the disc a hundred.
     seen, expected = (np.convolve(v, np.full(27, 1 / 27), mode="same") for v in (out, profile))
     assert_allclose(seen, expected, atol=0.1 * expected.max())

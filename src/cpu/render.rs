@@ -93,7 +93,7 @@ impl Exposure<'_> {
                     let all = scene.layered(&mapped, &optics, simd, cancel)?;
                     let layered = match part.channels {
                         None => all,
-                        Some(channels) => Arc::new(all.of_channels(channels)),
+                        Some(channels) => Arc::new(all.of_channels(channels, simd)),
                     };
                     let input = lens::Input { picture, scene: &layered, supersample: scene.supersample };
                     lens::render(&input, &optics, &settings, simd, cancel, out)

@@ -339,10 +339,11 @@ impl<'a> Exposure<'a> {
         let imaging = self.imaging.rows_from(band.read.start);
         let (optics, settings) = settings.leaning(&imaging, optics)?;
         let layered = self.layered(&optics)?;
-        let (mut layered, mut cells) = cache.cells(commands, whole, &layered, &band.read, self.kept)?;
+        let (mut layered, mut cells) =
+            cache.cells(commands, whole, &layered, (&band.read, self.kept), simd)?;
         let mut picture = whole;
         if let Some((part, channels)) = part {
-            layered = Arc::new(layered.of_channels(channels));
+            layered = Arc::new(layered.of_channels(channels, simd));
             cells = Arc::new(cells.of_channels(commands, channels)?);
             picture = part;
         }

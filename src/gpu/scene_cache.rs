@@ -10,6 +10,7 @@ use crate::error::Result;
 use crate::picture::Picture;
 use crate::plan::sprites::Settings;
 use crate::scene::layered::LayeredScene;
+use crate::simd::Simd;
 use std::ops::{Range, RangeInclusive};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -108,8 +109,8 @@ impl SceneCache {
         commands: &mut Commands,
         picture: &GpuPicture,
         source: &Arc<LayeredScene>,
-        rows: &Range<usize>,
-        count: usize,
+        (rows, count): (&Range<usize>, usize),
+        simd: Simd,
     ) -> Result<(Arc<LayeredScene>, Arc<Cells>)> {
         let gpu = commands.gpu;
         let fits = |own: &OnDevice| {
@@ -117,7 +118,7 @@ impl SceneCache {
         };
         let make = || {
             let whole = rows.len() == source.size.height;
-            let layers = if whole { Arc::clone(source) } else { Arc::new(source.rows(rows.clone())) };
+            let layers = if whole { Arc::clone(source) } else { Arc::new(source.rows(rows.clone(), simd)) };
             let cells = Arc::new(gpu.guarded(|| Cells::new(commands, picture, source, rows))?);
             Ok(OnDevice {
                 gpu: Arc::clone(gpu),

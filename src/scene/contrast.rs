@@ -61,6 +61,16 @@ impl Contrast {
         self.times = from_fn(|c| self.times[c].max(other.times[c]));
     }
 
+    /// That in these channels alone.
+    pub fn of_channels(&self, channels: &[usize]) -> Contrast {
+        let picked = |of: [f32; 4], none: f32| from_fn(|i| channels.get(i).map_or(none, |&c| of[c]));
+        Contrast {
+            light: Light { sum: picked(self.light.sum, 0.0), ..self.light },
+            brightest: picked(self.brightest, 0.0),
+            times: picked(self.times, 1.0),
+        }
+    }
+
     /// Whether no cell is above the limit.
     pub fn is_even(&self) -> bool {
         self.times == [1.0; 4]

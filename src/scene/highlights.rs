@@ -10,7 +10,7 @@ use crate::picture::Size;
 use crate::rows::{greater, mix};
 use crate::simd::Simd;
 use rayon::prelude::*;
-use std::ops::RangeInclusive;
+use std::ops::{Range, RangeInclusive};
 
 /// A highlight, whatever is in focus.
 #[derive(Clone, Copy)]
@@ -46,6 +46,31 @@ pub struct Found {
 }
 
 impl Found {
+    /// Those in some rows of a frame of this size, which begin with a block and end with one or with the frame.
+    pub fn rows(&self, rows: Range<usize>, size: Size) -> Found {
+        let across = size.width.div_ceil(BLOCK);
+        let first = rows.start * size.width;
+        let pixels = first..rows.end * size.width;
+        let in_rows = |bright: &Vec<Bright>| {
+            let bright = bright.iter().filter(|bright| pixels.contains(&bright.index));
+            bright.map(|bright| Bright { index: bright.index - first, ..*bright }).collect()
+        };
+        let blocks = rows.start / BLOCK * across..rows.end.div_ceil(BLOCK) * across;
+        Found { bright: self.bright.iter().map(in_rows).collect(), left: self.left[blocks].to_vec() }
+    }
+
+    /// Those in these channels alone.
+    pub fn of_channels(&self, channels: &[usize]) -> Found {
+        let picked = |color: [f32; 4]| std::array::from_fn(|i| channels.get(i).map_or(0.0, |&c| color[c]));
+        let of_layer = |bright: &Vec<Bright>| {
+            let bright = bright.iter().filter(|bright| channels.iter().any(|&c| bright.excess[c] != 0.0));
+            let own = bright.map(|b| Bright { dim: picked(b.dim), excess: picked(b.excess), ..*b });
+            own.collect()
+        };
+        let left = self.left.iter().map(|left| left.of_channels(channels)).collect();
+        Found { bright: self.bright.iter().map(of_layer).collect(), left }
+    }
+
     /// What is left in a scene of half the size from which the bright cells have been taken out; `size` is that of this
     /// one, whose mirror image the other may show as well.
     pub fn coarser(&self, size: Size, coarse: Size) -> Found {

@@ -89,7 +89,8 @@ impl LayeredScene {
     }
 
     /// The same cells with only these channels of their colours, and without carried ones.
-    pub fn of_channels(&self, channels: &[usize]) -> LayeredScene {
+    pub fn of_channels(&self, channels: &[usize], simd: Simd) -> LayeredScene {
+        let found = self.highlights(simd).of_channels(channels);
         let n = self.size.pixels();
         let of = |layer: &SceneLayer| SceneLayer {
             role: layer.role,
@@ -112,7 +113,7 @@ impl LayeredScene {
             codes: self.codes,
             depths: Arc::clone(&self.depths),
             bounds: Arc::clone(&self.bounds),
-            highlights: OnceLock::new(),
+            highlights: OnceLock::from(Arc::new(found)),
         }
     }
 
@@ -125,7 +126,8 @@ impl LayeredScene {
 
     /// The same cells in some rows of the frame, which begin with a block and end with one or
     /// with the frame. Everything that was found for the whole frame stays as it is.
-    pub fn rows(&self, rows: Range<usize>) -> LayeredScene {
+    pub fn rows(&self, rows: Range<usize>, simd: Simd) -> LayeredScene {
+        let found = self.highlights(simd).rows(rows.clone(), self.size);
         let width = self.size.width;
         let pixels = rows.start * width..rows.end * width;
         let size = Size { height: rows.len(), ..self.size };
@@ -171,7 +173,7 @@ impl LayeredScene {
             codes: self.codes,
             depths: Arc::new(depths.collect()),
             bounds: Arc::new(self.bounds.rows(rows)),
-            highlights: OnceLock::new(),
+            highlights: OnceLock::from(Arc::new(found)),
         }
     }
 }
