@@ -110,26 +110,17 @@ impl BlockLight {
             crowds[b].count(times.fold(1.0, f32::max));
         }
         let (across, down) = (self.across, self.down);
-        let sum = |crowds: &[Crowd], blocks: &mut dyn Iterator<Item = usize>| {
-            blocks.fold(Crowd::dark(0.0), |mut all, b| {
-                all.add(&crowds[b]);
-                all
-            })
+        let in_row = |b: usize| {
+            Crowd::united(near(b % across, COUNTED, across).map(|x| &crowds[b / across * across + x]))
         };
-        let in_rows: Vec<Crowd> = if bright.is_empty() {
-            Vec::new()
-        } else {
-            let in_row = |b: usize| {
-                sum(&crowds, &mut near(b % across, COUNTED, across).map(|x| b / across * across + x))
-            };
-            (0..crowds.len()).into_par_iter().map(in_row).collect()
-        };
+        let all = if bright.is_empty() { 0 } else { crowds.len() };
+        let in_rows: Vec<Crowd> = (0..all).into_par_iter().map(in_row).collect();
         let of_block = |b: usize| {
             if crowds[b].is_dark() {
                 return limit(b);
             }
-            let crowd = sum(&in_rows, &mut near(b / across, COUNTED, down).map(|y| y * across + b % across));
-            let raises = crowd.raises();
+            let rows = near(b / across, COUNTED, down);
+            let raises = Crowd::united(rows.map(|y| &in_rows[y * across + b % across])).raises();
             limit(b).map(|limit| raises * limit)
         };
         (0..crowds.len()).into_par_iter().map(of_block).collect()

@@ -13,6 +13,11 @@ pub struct CellColor {
     pub color: [f32; 4],
 }
 
+/// The values of these channels, and `none` for those that are missing to four.
+pub fn picked(values: [f32; 4], channels: &[usize], none: f32) -> [f32; 4] {
+    std::array::from_fn(|i| channels.get(i).map_or(none, |&c| values[c]))
+}
+
 /// The colours of one layer.
 #[derive(Clone)]
 pub struct Colors {
@@ -48,10 +53,10 @@ impl Colors {
             let kept: Vec<_> = channels.iter().map(|&c| &planes[c * n..][..n]).collect();
             Arc::new(Buffer::concat(&kept))
         });
-        let listed = self.listed.iter().map(|cell| CellColor {
-            index: cell.index,
-            color: std::array::from_fn(|i| channels.get(i).map_or(0.0, |&c| cell.color[c])),
-        });
+        let listed = self
+            .listed
+            .iter()
+            .map(|cell| CellColor { index: cell.index, color: picked(cell.color, channels, 0.0) });
         Colors { size: Size { channels: channels.len(), ..self.size }, planes, listed: listed.collect() }
     }
 

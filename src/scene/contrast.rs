@@ -1,5 +1,6 @@
 //! Contrast: how far single cells, with what highlights leave of their light, outshine what is around.
 
+use super::colors::picked;
 use crate::picture::Size;
 use std::array::from_fn;
 
@@ -54,8 +55,15 @@ impl Contrast {
         self.times = from_fn(|c| self.times[c].max(color[c] / limit[c].max(f32::MIN_POSITIVE)));
     }
 
+    /// That of all of these blocks.
+    pub fn united<'a>(blocks: impl Iterator<Item = &'a Contrast>) -> Contrast {
+        let mut all = Contrast::even(Light::default());
+        blocks.for_each(|block| all.unite(block));
+        all
+    }
+
     /// Takes in other blocks.
-    pub fn unite(&mut self, other: &Contrast) {
+    fn unite(&mut self, other: &Contrast) {
         self.light.add(&other.light);
         self.brightest = from_fn(|c| self.brightest[c].max(other.brightest[c]));
         self.times = from_fn(|c| self.times[c].max(other.times[c]));
@@ -63,11 +71,10 @@ impl Contrast {
 
     /// That in these channels alone.
     pub fn of_channels(&self, channels: &[usize]) -> Contrast {
-        let picked = |of: [f32; 4], none: f32| from_fn(|i| channels.get(i).map_or(none, |&c| of[c]));
         Contrast {
-            light: Light { sum: picked(self.light.sum, 0.0), ..self.light },
-            brightest: picked(self.brightest, 0.0),
-            times: picked(self.times, 1.0),
+            light: Light { sum: picked(self.light.sum, channels, 0.0), ..self.light },
+            brightest: picked(self.brightest, channels, 0.0),
+            times: picked(self.times, channels, 1.0),
         }
     }
 

@@ -36,9 +36,14 @@ impl Crowd {
         self.bright[step + 1] += part;
     }
 
-    pub fn add(&mut self, other: &Crowd) {
-        self.bright.iter_mut().zip(other.bright).for_each(|(count, other)| *count += other);
-        self.cells += other.cells;
+    /// All of these together.
+    pub fn united<'a>(crowds: impl Iterator<Item = &'a Crowd>) -> Crowd {
+        let mut all = Crowd::dark(0.0);
+        for crowd in crowds {
+            all.bright.iter_mut().zip(crowd.bright).for_each(|(count, other)| *count += other);
+            all.cells += crowd.cells;
+        }
+        all
     }
 
     /// Whether no cell is bright.

@@ -1,8 +1,8 @@
 //! Highlights: the light by which cells outshine their surroundings, whatever is in focus.
 
 use super::block_light::{BlockLight, above};
-use super::colors::{CellColor, Colors};
-use super::contrast::{Contrast, HIGHLIGHT_RATIO, Light, light_channels};
+use super::colors::{CellColor, Colors, picked};
+use super::contrast::{Contrast, HIGHLIGHT_RATIO, light_channels};
 use super::grid::BLOCK;
 use super::layer::SceneLayer;
 use crate::mirror::mirrored;
@@ -61,10 +61,12 @@ impl Found {
 
     /// Those in these channels alone.
     pub fn of_channels(&self, channels: &[usize]) -> Found {
-        let picked = |color: [f32; 4]| std::array::from_fn(|i| channels.get(i).map_or(0.0, |&c| color[c]));
         let of_layer = |bright: &Vec<Bright>| {
             let bright = bright.iter().filter(|bright| channels.iter().any(|&c| bright.excess[c] != 0.0));
-            let own = bright.map(|b| Bright { dim: picked(b.dim), excess: picked(b.excess), ..*b });
+            let own = bright.map(|b| {
+                let picked = |color| picked(color, channels, 0.0);
+                Bright { dim: picked(b.dim), excess: picked(b.excess), ..*b }
+            });
             own.collect()
         };
         let left = self.left.iter().map(|left| left.of_channels(channels)).collect();
@@ -87,10 +89,7 @@ impl Found {
         let [columns, rows] = [shown(size.width, coarse.width), shown(size.height, coarse.height)];
         let united = |columns: &RangeInclusive<usize>, rows: &RangeInclusive<usize>| {
             let rows = rows.clone().map(|y| &self.left[y * across..][columns.clone()]);
-            rows.flatten().fold(Contrast::even(Light::default()), |mut all, left| {
-                all.unite(left);
-                all
-            })
+            Contrast::united(rows.flatten())
         };
         let left = rows.iter().flat_map(|rows| columns.iter().map(move |columns| united(columns, rows)));
         Found { bright: self.bright.iter().map(|_| Vec::new()).collect(), left: left.collect() }

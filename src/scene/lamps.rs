@@ -2,8 +2,9 @@
 
 use super::carried;
 use super::colors::CellColor;
+use super::exits::SAME_SURFACE_PX;
 use super::front_layer::FrontLayer;
-use super::inpaint::{Hidden, SAME_SURFACE_PX};
+use super::inpaint::Hidden;
 use super::layer::SceneLayer;
 use super::matting::{MixedPixel, Separated, unmix};
 use super::mixed_cells::{half_planes, split};

@@ -2,11 +2,11 @@
 //!
 //! In the order of the work: [`depth_noise`] takes the noise out of the depths, which become [`shifts`], and [`edges`] finds
 //! depth discontinuities. Of [`one_layer`], [`matting`] separates the two surfaces of edge pixels of the [`front_layer`]
-//! into [`mixed_cells`], and [`inpaint`] fills the surfaces that the foreground hides; behind both, lamps have their
-//! [`lamp_ends`]. [`given_layers`] have surfaces of their own, and [`lamps`] are taken apart there. [`carried`] takes other
-//! channels the same way, [`holdouts`] come between them, and [`layered`] holds the result. [`depth_spans`] and
-//! [`depth_bounds`] bound the depths that occur, and [`highlights`] finds the bright cells, by the [`block_light`] around and
-//! by their [`crowding`], and tells the [`contrast`] of what they leave.
+//! into [`mixed_cells`], and [`inpaint`] fills the surfaces that the foreground hides, by the [`exits`] of rays; behind both,
+//! lamps have their [`lamp_ends`]. [`given_layers`] have surfaces of their own, and [`lamps`] are taken apart there.
+//! [`carried`] takes other channels the same way, [`holdouts`] come between them, and [`layered`] holds the result.
+//! [`depth_spans`] and [`depth_bounds`] bound the depths that occur, and [`highlights`] finds the bright cells, by the
+//! [`block_light`] around and by their [`crowding`], and tells the [`contrast`] of what they leave.
 
 pub(crate) mod block_light;
 pub(crate) mod carried;
@@ -19,6 +19,7 @@ pub(crate) mod depth_codes;
 mod depth_noise;
 pub(crate) mod depth_spans;
 pub(crate) mod edges;
+mod exits;
 pub(crate) mod front_layer;
 pub(crate) mod given_layers;
 pub(crate) mod grid;

@@ -1,7 +1,7 @@
 //! The [bounds of depth](crate::scene::depth_bounds) of the padded frame.
 
 use super::padding::Padding;
-use crate::scene::contrast::{Contrast, Light};
+use crate::scene::contrast::Contrast;
 use crate::scene::depth_bounds::{DepthBits, DepthBounds, unite};
 use crate::scene::grid::{BLOCK, TILE};
 
@@ -23,9 +23,7 @@ pub fn contrast(of: &[Contrast], across: usize, padding: &Padding) -> Vec<Contra
     let [columns, rows] = &shown(padding);
     let of_blocks = |(rows, columns): (&(usize, usize), &(usize, usize))| {
         let row = |y: usize| &of[y * across + columns.0..=y * across + columns.1];
-        let mut all = Contrast::even(Light::default());
-        (rows.0..=rows.1).flat_map(row).for_each(|one| all.unite(one));
-        all
+        Contrast::united((rows.0..=rows.1).flat_map(row))
     };
     rows.iter().flat_map(|rows| columns.iter().map(move |columns| (rows, columns))).map(of_blocks).collect()
 }
